@@ -134,14 +134,22 @@ physics::Model load_model(const std::filesystem::path& file) {
 }
 
 physics::Model parse_model(std::string_view text, const std::string& name) {
+  return parse_model(text, name,
+                     [](const physics::Model&) { return std::vector<physics::Inconsistency>{}; });
+}
+
+physics::Model parse_model(std::string_view text, const std::string& name,
+                           const ModelCheck& check) {
   Document document(text, name, keys_of<physics::Model>());
   physics::Model model;
   if (document.sound()) {
     document.read(model);
     physics::settle_law(model);
-    for (const physics::Inconsistency& each : physics::inconsistencies_of(model)) {
-      document.report(each.path, each.message);
-    }
+    const auto report = [&document](const std::vector<physics::Inconsistency>& found) {
+      for (const physics::Inconsistency& each : found) document.report(each.path, each.message);
+    };
+    report(physics::inconsistencies_of(model));
+    if (document.sound()) report(check(model));
   }
   if (!document.sound()) throw InputError(document.take_problems());
   return model;

@@ -3,10 +3,13 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "physics/model.h"
+#include "physics/model_consistency.h"
 
 namespace stickslip::config {
 
@@ -15,6 +18,13 @@ physics::Model load_model(const std::filesystem::path& file);
 
 /// The same for text in memory; messages name the file as `name`.
 physics::Model parse_model(std::string_view text, const std::string& name);
+
+/// Contradictions of a model with something else, such as a running rig.
+using ModelCheck = std::function<std::vector<physics::Inconsistency>(const physics::Model&)>;
+
+/// The same; contradictions that `check` finds in a model without problems are problems of the
+/// file.
+physics::Model parse_model(std::string_view text, const std::string& name, const ModelCheck& check);
 
 /// Appends the [[candidate]] tables of a file that has nothing else to the candidates of `model`.
 /// Throws InputError like load_model.

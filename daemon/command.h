@@ -8,11 +8,14 @@
 
 #include "daemon/calibration.h"
 #include "daemon/interlocks.h"
+#include "daemon/observer_types.h"
 #include "daemon/safety.h"
 #include "daemon/setting.h"
 #include "physics/frame.h"
 
 namespace stickslip::daemon {
+
+class Excitation;
 
 /// Settings that can change while the loop runs, always together.
 struct LiveSettings {
@@ -30,6 +33,8 @@ struct Command {
     set,      ///< `setting` of the excitation
     apply,    ///< `live` from the next frame on
     average,  ///< raw readings of the next `frames` frames; answered when they are complete
+    drive,    ///< by `excitation`, which is swapped with the present one, of a rig at rest
+    observe,  ///< by `observer`, which goes on from the present one, from the next frame on
   };
   Kind kind = Kind::stop;
   std::uint64_t id = 0;   ///< returned in the answer
@@ -37,6 +42,8 @@ struct Command {
   std::uint64_t frames = 0;
   Setting setting;
   LiveSettings live;
+  Observer* observer = nullptr;      ///< lent to the loop until its answer
+  Excitation* excitation = nullptr;  ///< likewise
 };
 static_assert(std::is_trivially_copyable_v<Command>);
 
@@ -57,6 +64,9 @@ struct Answer {
   RigState state = RigState::faulted;  ///< after the command
   Cause reason;                        ///< of a refusal
   Average average;
+  Continuation continuation;   ///< of the new observer
+  std::int64_t time_ns = 0;    ///< of the latest frame before the command; of drive, observe
+  std::uint64_t sequence = 0;  ///< of that frame
 };
 static_assert(std::is_trivially_copyable_v<Answer>);
 

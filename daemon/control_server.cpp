@@ -98,6 +98,29 @@ double number(const json& arguments, const char* name) {
   return found->get<double>();
 }
 
+std::string text(const json& arguments, const char* name) {
+  const auto found = arguments.find(name);
+  if (found == arguments.end() || !found->is_string() || found->get<std::string>().empty()) {
+    refuse_request(std::string("expected \"") + name + "\": a text");
+  }
+  return found->get<std::string>();
+}
+
+/// Without samples: the configured drive.
+DriveSamples samples_of(const json& arguments) {
+  DriveSamples out;
+  const auto samples = arguments.find("samples");
+  if (samples == arguments.end()) return out;
+  out.period_s = number(arguments, "period_s");
+  constexpr const char* expected = "expected \"samples\": a list of numbers";
+  if (!samples->is_array() || samples->empty()) refuse_request(expected);
+  for (const json& each : *samples) {
+    if (!each.is_number()) refuse_request(expected);
+    out.values.push_back(each.get<double>());
+  }
+  return out;
+}
+
 Setting setting_of(const json& arguments) {
   const auto key = arguments.find("key");
   const std::string name =
@@ -124,7 +147,9 @@ std::string words_for(const protocol::ControlRequest& request) {
   const json arguments = json::parse(request.arguments);
   for (const auto& [key, value] : arguments.items()) {
     if (out.size() > longest) break;
-    if (key == "v" || key == "id" || key == "do") continue;
+    if (key == "v" || key == "id" || key == "do" || key == "text" || key == "samples") {
+      continue;
+    }
     const std::string quoted = dump(key);
     out += ' ' + quoted.substr(1, quoted.size() - 2) + '=' + dump(value);
   }
@@ -156,6 +181,13 @@ json json_of(const diagnosis::Explanation& each) {
           {"statement", each.statement},
           {"chi2", each.chi2},
           {"probability", each.probability}};
+}
+
+json json_of(const Continuation& continuation) {
+  return {{"kept", continuation.kept},      {"anew", continuation.anew},
+          {"motion", continuation.motion},  {"mu", continuation.mu},
+          {"gamma", continuation.gamma},    {"load", continuation.load},
+          {"settled", continuation.settled}};
 }
 
 json model_of(const Status& status) {
@@ -251,6 +283,7 @@ bool ControlServer::serve(milliseconds wait, int also) {
   const bool can_read =
       server_.serve(waiting_.empty() ? wait : std::min(wait, milliseconds(2)), also);
   handle_answers();
+  restore_abandoned_drive();
   for (const Event& line : log_.due(clock_.now_ns())) write_line(line);
   return can_read;
 }
@@ -297,12 +330,12 @@ void ControlServer::handle(ClientId client, const protocol::ControlRequest& requ
 
 /// False for a request that is not a query. Queries are not logged.
 bool ControlServer::answer_query(ClientId client, const protocol::ControlRequest& request) {
-  if (request.command != "alive" && request.command != "status" && request.command != "watch") {
-    return false;
-  }
+  const std::string& name = request.command;
+  if (name != "alive" && name != "status" && name != "watch" && name != "describe") return false;
   if (request.command == "watch") clients_[client].watches = true;
   json out = rig_state();
   if (request.command == "status") out["status"] = json_of(handlers_.status());
+  if (request.command == "describe") out["rig"] = handlers_.describe();
   answer(client, request.id, out);
   return true;
 }
@@ -328,10 +361,25 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
     }
     command.kind = Command::Kind::average;
     command.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
+  } else if (name == "model") {
+    try {
+      command = handlers_.propose_model({text(arguments, "file"), text(arguments, "text")});
+    } catch (const InputError& error) {
+      refuse_request(error.what());  // with the file and the line
+    }
+  } else if (name == "drive") {
+    DriveSamples samples = samples_of(arguments);
+    const bool has_samples = !samples.values.empty();
+    try {
+      command = handlers_.propose_drive(std::move(samples));
+      proposes_samples_ = has_samples;
+    } catch (const InputError& error) {
+      refuse_request(error.what());
+    }
   } else {
     refuse_request("there is no command \"" + name.substr(0, 40) +
-                   "\"; expected status, clear, arm, disarm, start, stop, alive, set, average, "
-                   "reload or watch");
+                   "\"; expected status, describe, clear, arm, disarm, start, stop, alive, set, "
+                   "average, model, drive, reload or watch");
   }
   return command;
 }
@@ -339,7 +387,18 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
 void ControlServer::submit(ClientId client, const protocol::ControlRequest& request,
                            Command command) {
   command.id = next_command_++;
-  if (!loop_.ask(command)) refuse_request("the rig is busy with other commands; try again");
+  const bool is_model = command.kind == Command::Kind::observe;
+  const bool is_drive = command.kind == Command::Kind::drive;
+  if (!loop_.ask(command)) {
+    if (is_model) handlers_.model_answered({});
+    if (is_drive) handlers_.drive_answered({});
+    refuse_request("the rig is busy with other commands; try again");
+  }
+  if (is_model) model_command_ = command.id;
+  if (is_drive) {
+    drive_command_ = command.id;
+    proposer_ = client;
+  }
   const auto timeout = answer_timeout + std::chrono::milliseconds(static_cast<std::int64_t>(
                                             1e3 * static_cast<double>(command.frames) / rate_hz_));
   waiting_[command.id] = {
@@ -359,7 +418,44 @@ void ControlServer::handle_answers() {
   drop_overdue();
 }
 
+// Of what was lent to the loop; also if the client no longer waits for it.
+void ControlServer::finish_exchanges(const Answer& received, json& out) {
+  if (received.id == 0) return;
+  std::string message;
+  if (received.id == model_command_) {
+    model_command_ = 0;
+    message = handlers_.model_answered(received);
+    if (!message.empty()) out["observer"] = json_of(received.continuation);
+  }
+  if (received.id == drive_command_) {
+    drive_command_ = 0;
+    message = handlers_.drive_answered(received);
+    if (received.accepted) driver_ = proposes_samples_ ? proposer_ : 0;
+  }
+  if (message.empty()) return;
+  out["message"] = message;
+  out["time_ns"] = received.time_ns;
+  out["sequence"] = received.sequence;
+}
+
+// Once the rig rests: the next start is not to play samples that a client left behind.
+void ControlServer::restore_abandoned_drive() {
+  if (driver_ == 0 || clients_.contains(driver_) || drive_command_ != 0) return;
+  const RigState state = loop_.snapshot().state;
+  if (state != RigState::idle && state != RigState::armed) return;
+  Command command = handlers_.propose_drive({});
+  command.id = next_command_++;
+  if (!loop_.ask(command)) {
+    handlers_.drive_answered({});
+    return;
+  }
+  drive_command_ = command.id;
+  proposes_samples_ = false;
+}
+
 void ControlServer::handle_answer(const Answer& received) {
+  json out = {{"ok", true}, {"state", name_of(received.state)}};
+  finish_exchanges(received, out);
   const auto found = waiting_.find(received.id);
   if (found == waiting_.end()) return;
   const Waiting request = found->second;
@@ -377,7 +473,6 @@ void ControlServer::handle_answer(const Answer& received) {
   }
   log(request.peer, Severity::info,
       request.request + ": accepted, the rig is " + std::string(state));
-  json out = {{"ok", true}, {"state", state}};
   if (request.frames > 0) out["average"] = json_of(received.average);
   answer(request.client, request.id, out);
 }

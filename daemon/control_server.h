@@ -11,10 +11,12 @@
 #include <set>
 #include <string>
 
+#include "daemon/drive_change.h"
 #include "daemon/event.h"
 #include "daemon/event_throttle.h"
 #include "daemon/line_server.h"
 #include "daemon/loop.h"
+#include "daemon/model_change.h"
 #include "daemon/status.h"
 #include "protocol/control.h"
 
@@ -27,9 +29,19 @@ struct ControlHandlers {
   std::function<std::optional<std::string>(const Setting&)> refusal;
   /// The loop has applied the setting.
   std::function<void(const Setting&)> was_set;
+  /// The rig, for a client that designs runs.
+  std::function<nlohmann::json()> describe;
   /// Reloads the configuration and applies what can change while running; one line for each change.
   /// Throws InputError for an invalid configuration.
   std::function<std::vector<std::string>()> reload;
+  /// A command to the loop for a model file. Throws InputError for one that is refused.
+  std::function<Command(ModelFile)> propose_model;
+  /// The answer to that command, or a refusal if it could not be queued; returns a sentence for the
+  /// client if the model was taken.
+  std::function<std::string(const Answer&)> model_answered;
+  /// The same for a drive. Throws InputError for one that is refused.
+  std::function<Command(DriveSamples)> propose_drive;
+  std::function<std::string(const Answer&)> drive_answered;
 };
 
 class ControlServer {
@@ -71,6 +83,8 @@ class ControlServer {
   void submit(ClientId client, const protocol::ControlRequest& request, Command command);
   void handle_answers();
   void handle_answer(const Answer& answer);
+  void finish_exchanges(const Answer& answer, nlohmann::json& out);
+  void restore_abandoned_drive();
   void drop_overdue();
   void answer(ClientId client, std::int64_t id, nlohmann::json content);
   void refuse(ClientId client, std::int64_t id, const std::string& why);
@@ -86,8 +100,13 @@ class ControlServer {
   std::map<ClientId, Client> clients_;
   std::map<std::uint64_t, Waiting> waiting_;  // by command id
   std::uint64_t next_command_ = 1;
+  std::uint64_t model_command_ = 0;  // that is not answered; 0: none
+  std::uint64_t drive_command_ = 0;  // likewise
+  ClientId proposer_ = 0;            // of that drive; 0: this server
+  bool proposes_samples_ = false;
   EventThrottle log_;    // of the lines that clients cause
   ClientId holder_ = 0;  // of the dead-man's handle; 0: none
+  ClientId driver_ = 0;  // whose samples the rig has; 0: the drive is the configured one
   LineServer server_;
 };
 

@@ -18,17 +18,20 @@ constexpr double default_slew_s = 2.0;
 /// Zero slope at both ends, so that a ramp does not step the shaker's velocity.
 double smooth_step(double u) { return u * u * (3.0 - 2.0 * u); }
 
-DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
-  if (settings.kind != config::ExcitationKind::file) return {};
-  DriveFile file = DriveFile::load(settings.file, rig.channel);
+DriveFile within_limits(DriveFile file, const DrivenRig& rig, const std::string& name) {
   const bool force = rig.channel == Channel::drive_force;
   const config::Limits limits{rig.limits.displacement, rig.limits.velocity, rig.limits.acceleration,
                               rig.limits.displacement, rig.limits.velocity};
   if (const auto excess = config::excess_of(file.demand(rig.period_s), limits, force)) {
-    throw InputError(
-        Problem{settings.file.path.string(), 0, 0, "requires " + config::text_of(*excess)});
+    throw InputError(Problem{name, 0, 0, "requires " + config::text_of(*excess)});
   }
   return file;
+}
+
+DriveFile file_of(const config::Excitation& settings, const DrivenRig& rig) {
+  if (settings.kind != config::ExcitationKind::file) return {};
+  return within_limits(DriveFile::load(settings.file, rig.channel), rig,
+                       settings.file.path.string());
 }
 
 double amplitude_slew(const config::Excitation& settings, const DrivenRig& rig) {
@@ -52,10 +55,18 @@ DrivenRig driven_rig(const config::Rig& rig) {
 }
 
 Excitation::Excitation(const config::Excitation& settings, const DrivenRig& rig)
+    : Excitation(settings, rig, Unchecked{}, file_of(settings, rig)) {}
+
+Excitation::Excitation(const config::Excitation& settings, const DrivenRig& rig, DriveFile file,
+                       const std::string& name)
+    : Excitation(settings, rig, Unchecked{}, within_limits(std::move(file), rig, name)) {}
+
+Excitation::Excitation(const config::Excitation& settings, const DrivenRig& rig, Unchecked,
+                       DriveFile file)
     : enabled_(settings.enabled),
       ramp_s_(settings.ramp_s),
       channel_(rig.channel),
-      waveform_(settings, amplitude_slew(settings, rig), file_of(settings, rig)),
+      waveform_(settings, amplitude_slew(settings, rig), std::move(file)),
       limits_(rig.limits, rig.period_s) {
   if (settings.control.enabled) control_.emplace(settings.control, rig.period_s);
 }

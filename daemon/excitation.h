@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "config/rig.h"
 #include "daemon/amplitude_control.h"
@@ -47,6 +48,11 @@ class Excitation {
   /// Throws InputError for a drive file that is invalid or exceeds the limits.
   Excitation(const config::Excitation& settings, const DrivenRig& rig);
 
+  /// Plays `file` in place of the one that the settings name, whose kind is `file`. Throws
+  /// InputError, with `name` for the file, where it exceeds the limits.
+  Excitation(const config::Excitation& settings, const DrivenRig& rig, DriveFile file,
+             const std::string& name);
+
   /// Ramps up: a carrier from its current phase, a sweep, a burst or a file from its beginning. No
   /// effect if the configuration disables the excitation.
   void start();
@@ -83,6 +89,8 @@ class Excitation {
   const AmplitudeControl* control() const { return control_ ? &*control_ : nullptr; }
 
  private:
+  struct Unchecked {};
+  Excitation(const config::Excitation& settings, const DrivenRig& rig, Unchecked, DriveFile file);
   double ramp_step(double duration_s);
   void rest();
 

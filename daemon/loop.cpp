@@ -254,7 +254,47 @@ void Loop::execute(const Command& command, Answer& answer) {
       if (!device_present()) return refuse("the device is lost");
       averaging_.begin(command.frames, command.id);
       return;
+    case Command::Kind::drive:
+      if (command.excitation == nullptr) return refuse("there is no drive");
+      drive_by(*command.excitation, answer);
+      return;
+    case Command::Kind::observe:
+      if (safety_.faulted()) {
+        answer.reason.add("the rig is faulted: ").add(safety_.cause().c_str());
+        answer.accepted = false;
+        return;
+      }
+      if (command.observer == nullptr) return refuse("there is no observer");
+      if (refuse_if_broken(broken, answer)) return;
+      observe_by(*command.observer, answer);
+      return;
   }
+}
+
+// Between two frames. Everything was allocated elsewhere, where the present observer is freed too.
+void Loop::observe_by(Observer& next, Answer& answer) {
+  if (observer_ != nullptr) answer.continuation = next.continue_from(*observer_);
+  observer_ = &next;
+  observer_restarts_ = next.latest().restarts;
+  add_latest_frame(answer);
+}
+
+// The drive of a rig that moves must not jump.
+void Loop::drive_by(Excitation& next, Answer& answer) {
+  const RigState state = safety_.state();
+  if ((state != RigState::idle && state != RigState::armed) || !excitation_.is_off()) {
+    answer.accepted = false;
+    answer.reason.add("the drive can be changed only while the rig is idle or armed");
+    return;
+  }
+  std::swap(excitation_, next);
+  add_latest_frame(answer);
+}
+
+void Loop::add_latest_frame(Answer& answer) const {
+  if (!latest_) return;
+  answer.time_ns = latest_->time_ns;
+  answer.sequence = latest_->sequence;
 }
 
 bool Loop::refuse_if_broken(const Interlocks::Broken& broken, Answer& answer) const {

@@ -74,7 +74,8 @@ struct Snapshot {
 class Loop {
  public:
   /// Everything referred to must outlive the loop; `driver` is open. `streams` may be empty,
-  /// `observer` null.
+  /// `observer` null. The loop uses one observer at a time, this one until it has accepted a
+  /// command with another; the observer that it used before is free again with the answer.
   Loop(drivers::Driver& driver, Clock& clock, const LoopSettings& settings, Excitation excitation,
        Observer* observer, Ledger& ledger, std::vector<Stream*> streams);
 
@@ -139,6 +140,9 @@ class Loop {
   void handle_stop_requests();
   void handle_command();
   void execute(const Command& command, Answer& answer);
+  void drive_by(Excitation& next, Answer& answer);
+  void observe_by(Observer& next, Answer& answer);
+  void add_latest_frame(Answer& answer) const;
   void answer_average(const Cause* refusal);
   bool refuse_if_broken(const Interlocks::Broken& broken, Answer& answer) const;
   bool apply(RigInput input);

@@ -78,12 +78,32 @@ Event explanation_event(const LiveVerdict& verdict, std::int64_t now_ns) {
 
 ModelCheck::ModelCheck(const physics::Model& model, double days_between_false_alarms,
                        std::optional<std::chrono::steady_clock::duration> patience)
-    : patience_(patience),
-      check_(model,
-             {.days_between_false_alarms = days_between_false_alarms, .stop = stop_.get_token()}),
-      thread_([this] { run(); }) {}
+    : days_between_false_alarms_(days_between_false_alarms), patience_(patience) {
+  begin_with(model);
+  thread_ = std::thread([this] { run(); });
+}
+
+void ModelCheck::begin_with(const physics::Model& model) {
+  check_.emplace(
+      model, diagnosis::LiveCheckSettings{.days_between_false_alarms = days_between_false_alarms_,
+                                          .stop = stop_.get_token()});
+}
 
 ModelCheck::~ModelCheck() { finish(); }
+
+void ModelCheck::change_model(const physics::Model& model) {
+  {
+    const std::lock_guard lock(lock_);
+    if (ending_) return;
+    new_model_ = model;
+    stop_.request_stop();
+    frames_.clear();
+    const std::uint64_t alarms = verdict_.alarms;
+    verdict_ = {};
+    verdict_.alarms = alarms;
+  }
+  wake_.notify_all();
+}
 
 std::optional<Event> ModelCheck::next_event() {
   const std::lock_guard lock(lock_);
@@ -121,7 +141,10 @@ void ModelCheck::finish() {
     ending_ = true;
     wake_.notify_all();
     const auto has_ended = [this] { return ended_; };
-    if (patience_ && !wake_.wait_for(lock, *patience_, has_ended)) stop_.request_stop();
+    if (patience_ && !wake_.wait_for(lock, *patience_, has_ended)) {
+      gave_up_ = true;
+      stop_.request_stop();
+    }
   }
   if (thread_.joinable()) thread_.join();
 }
@@ -129,49 +152,79 @@ void ModelCheck::finish() {
 // False at the end, with the last frames.
 bool ModelCheck::wait_for_frames(std::vector<Frame>& frames) {
   std::unique_lock lock(lock_);
-  wake_.wait_until(lock, resting_until_, [this] { return ending_; });
-  wake_.wait(lock, [this] {
-    return ending_ || (!frames_.empty() && frames_.back().time_ns >= checked_ns_ + every_ns);
-  });
+  const auto is_interrupted = [this] { return ending_ || new_model_.has_value(); };
+  const auto has_frames = [this] {
+    return !frames_.empty() && frames_.back().time_ns >= checked_ns_ + every_ns;
+  };
+  wake_.wait_until(lock, resting_until_, is_interrupted);
+  wake_.wait(lock, [&] { return is_interrupted() || has_frames(); });
+  while (new_model_) {
+    take_new_model();
+    wake_.wait(lock, [&] { return is_interrupted() || has_frames(); });
+  }
   frames.assign(frames_.begin(), frames_.end());
   if (ending_ || frames.empty()) return false;
   checked_ns_ = frames.back().time_ns;
   return true;
 }
 
+// With the lock.
+void ModelCheck::take_new_model() {
+  stop_ = std::stop_source();
+  if (gave_up_) stop_.request_stop();
+  earlier_alarms_ += check_->verdict().alarms;
+  begin_with(*new_model_);
+  new_model_.reset();
+  follows_is_new_ = true;
+  checked_ns_ = 0;
+}
+
 void ModelCheck::publish(const Event& event) {
+  show_verdict();
   const std::lock_guard lock(lock_);
-  verdict_ = check_.verdict();
-  events_.push_back(event);
+  if (!new_model_) events_.push_back(event);
+}
+
+// Results about a model that is no longer the rig's are not shown.
+void ModelCheck::show_verdict() {
+  const std::lock_guard lock(lock_);
+  if (new_model_) return;
+  verdict_ = check_->verdict();
+  verdict_.alarms += earlier_alarms_;
 }
 
 void ModelCheck::check(const std::vector<Frame>& frames) {
   const std::span<const Frame> latest = diagnosis::latest_span(frames);
   if (latest.empty()) return;
-  const LiveStatus before = check_.verdict().status;
+  const LiveStatus before = check_->verdict().status;
   const auto begin = std::chrono::steady_clock::now();
-  const bool changed = check_.update(latest);
+  const bool changed = check_->update(latest);
   rest(std::chrono::steady_clock::now() - begin);
-  const LiveStatus now = check_.verdict().status;
   const std::int64_t now_ns = latest.back().time_ns;
-  const bool recovered = before == LiveStatus::broken && now == LiveStatus::follows;
-  if (changed && (now == LiveStatus::broken || recovered)) {
-    publish(status_event(check_.verdict(), now_ns, utc_now_us()));
+  if (changed) report_change(before, now_ns);
+  if (check_->wants_explanation()) {
+    const bool first = check_->verdict().explanations.empty();
+    check_->explain();
+    if (first || check_->verdict().is_final) publish(explanation_event(check_->verdict(), now_ns));
   }
-  if (check_.wants_explanation()) {
-    const bool first = check_.verdict().explanations.empty();
-    check_.explain();
-    if (first || check_.verdict().is_final) publish(explanation_event(check_.verdict(), now_ns));
-  }
-  const std::lock_guard lock(lock_);
-  verdict_ = check_.verdict();
+  show_verdict();
+}
+
+void ModelCheck::report_change(LiveStatus before, std::int64_t now_ns) {
+  const LiveStatus now = check_->verdict().status;
+  if (now == LiveStatus::waiting) return;
+  const bool is_new = std::exchange(follows_is_new_, false) && now == LiveStatus::follows;
+  if (!is_new && now == LiveStatus::follows && before != LiveStatus::broken) return;
+  Event event = status_event(check_->verdict(), now_ns, utc_now_us());
+  if (is_new) event.message = "the rig follows its new model";
+  publish(event);
 }
 
 // A deviation is confirmed at once.
 void ModelCheck::rest(std::chrono::steady_clock::duration checked) {
   const std::lock_guard lock(lock_);
   resting_until_ = std::chrono::steady_clock::now();
-  if (!check_.is_suspicious()) resting_until_ += rests * checked;
+  if (!check_->is_suspicious()) resting_until_ += rests * checked;
 }
 
 void ModelCheck::run() {
@@ -179,10 +232,8 @@ void ModelCheck::run() {
   (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
   std::vector<Frame> frames;
   try {
-    while (wait_for_frames(frames)) check(frames);
-    check_last(frames);
-  } catch (const diagnosis::Interrupted&) {
-    // The stretch to diagnose has been reported.
+    while (!check_until_the_end(frames)) {
+    }
   } catch (const std::exception& error) {
     publish({.severity = Severity::error,
              .code = "model_check_failed",
@@ -191,6 +242,19 @@ void ModelCheck::run() {
   const std::lock_guard lock(lock_);
   ended_ = true;
   wake_.notify_all();
+}
+
+// False where a new model interrupts it.
+bool ModelCheck::check_until_the_end(std::vector<Frame>& frames) {
+  try {
+    while (wait_for_frames(frames)) check(frames);
+    check_last(frames);
+    return true;
+  } catch (const diagnosis::Interrupted&) {
+    // At the end the stretch to diagnose has been reported.
+    const std::lock_guard lock(lock_);
+    return gave_up_ || !new_model_;
+  }
 }
 
 // A source may be faster than the checks. Twice, since a deviation is reported only when it is

@@ -35,6 +35,11 @@ class ModelCheck final : public Sink {
              std::optional<std::chrono::steady_clock::duration> patience = std::nullopt);
   ~ModelCheck() override;
 
+  /// Any thread: from the next frame on the rig is expected to follow this model. Explanations of
+  /// the earlier model's deviations end; the status is `waiting` until the first check, and that
+  /// the rig follows the new model is reported ("model_follows"). Alarms are counted on.
+  void change_model(const physics::Model& model);
+
   /// Any thread: the next event, oldest first.
   std::optional<Event> next_event();
 
@@ -49,22 +54,33 @@ class ModelCheck final : public Sink {
   void finish() override;
 
  private:
+  void begin_with(const physics::Model& model);
   void run();
+  bool check_until_the_end(std::vector<Frame>& frames);
   bool wait_for_frames(std::vector<Frame>& frames);
+  void take_new_model();
+  void show_verdict();
+  void report_change(diagnosis::LiveStatus before, std::int64_t now_ns);
   void check(const std::vector<Frame>& frames);
   void rest(std::chrono::steady_clock::duration checked);
   void check_last(const std::vector<Frame>& frames);
   void publish(const Event& event);
 
+  double days_between_false_alarms_;
   std::optional<std::chrono::steady_clock::duration> patience_;
-  std::stop_source stop_;
-  diagnosis::LiveCheck check_;  // of the thread
-  mutable std::mutex lock_;     // of all below; never taken by the loop
+  // Of the thread:
+  std::optional<diagnosis::LiveCheck> check_;
+  std::uint64_t earlier_alarms_ = 0;  // of the models before this one
+  bool follows_is_new_ = false;       // if the model follows, that is to be reported
+  mutable std::mutex lock_;           // of all below; never taken by the loop
+  std::stop_source stop_;             // of the present check
+  std::optional<physics::Model> new_model_;
   std::condition_variable wake_;
   std::deque<Frame> frames_;
   std::int64_t checked_ns_ = 0;  // time of the latest frame at the latest check
   std::chrono::steady_clock::time_point resting_until_;
   bool ending_ = false;
+  bool gave_up_ = false;  // waiting for the end of a check
   bool ended_ = false;
   LiveVerdict verdict_;
   std::deque<Event> events_;

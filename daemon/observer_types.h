@@ -6,6 +6,7 @@
 
 namespace stickslip::daemon {
 
+using Continuation = observer::Continuation;
 using Estimate = observer::FrictionEstimate;
 using Observer = observer::FrictionObserver;
 

@@ -139,10 +139,9 @@ class RecordingWriter final : public MessageWriter {
     // stamped with wall time would go back.
     latest_us_ = std::max(latest_us_, time_us);
     const bool frames = channel == protocol::frames_channel;
-    if (channel == protocol::recording_channel && !info_) {
+    if (channel == protocol::recording_channel) {
       recording_info_t info{};
-      if (protocol::decode(bytes, info)) info_ = std::move(info);
-      if (info_) return write_info() || report(false);
+      if (protocol::decode(bytes, info)) return describe(std::move(info)) || report(false);
     }
     const bool status = channel == protocol::status_channel;
     if (status) protocol::decode(bytes, status_);
@@ -207,6 +206,21 @@ class RecordingWriter final : public MessageWriter {
     }
     if (full_) errno = refusal_;
     return !full_;
+  }
+
+  /// The first description begins the log. A later one, of a rig whose model was changed, stands
+  /// where it came, and is that of the next parts.
+  bool describe(recording_info_t info) {
+    if (!info_) {
+      info_ = std::move(info);
+      return write_info();
+    }
+    info.part = info_->part;
+    info.previous_part = info_->previous_part;
+    info.frames_before = info_->frames_before;
+    info_ = std::move(info);
+    if (!info_written_) return write_info();
+    return append_info(log_, *info_);
   }
 
   /// The description is the first event of every part.

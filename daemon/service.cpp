@@ -11,6 +11,7 @@
 #include <cmath>
 #include <csignal>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -24,6 +25,7 @@
 #include "daemon/clock.h"
 #include "daemon/control_server.h"
 #include "daemon/device_supervisor.h"
+#include "daemon/drive_change.h"
 #include "daemon/event.h"
 #include "daemon/event_throttle.h"
 #include "daemon/ledger.h"
@@ -32,9 +34,11 @@
 #include "daemon/message_writer.h"
 #include "daemon/messages.h"
 #include "daemon/metrics.h"
+#include "daemon/model_change.h"
 #include "daemon/model_check.h"
 #include "daemon/realtime.h"
 #include "daemon/recording_input.h"
+#include "daemon/rig_description.h"
 #include "daemon/rig_settings.h"
 #include "daemon/signals.h"
 #include "daemon/status.h"
@@ -197,6 +201,8 @@ class Service {
   bool serve_clients();
   void handle_signal(int signal, Loop& loop, const drivers::Description& device);
   std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
+  std::string take_model(const Answer& answer);
+  std::string take_drive(const Answer& answer);
   void change_setting(Loop& loop, const Setting& setting, std::string& line);
   void ask(Loop& loop, const Command& command);
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
@@ -228,7 +234,9 @@ class Service {
   Pacing pacing_ = Pacing::deadlines;
   std::unique_ptr<Consumer> publisher_;
   std::unique_ptr<Consumer> recorder_;
-  std::unique_ptr<CheckedModel> model_;  // if it is checked
+  std::unique_ptr<CheckedModel> model_;      // if it is checked
+  std::optional<ModelChange> model_change_;  // has the loop's observer
+  DriveChange drive_change_;
   ProcessorLatencyRequest latency_request_;
   std::int64_t started_ns_ = 0;
   std::int64_t started_utc_us_ = 0;
@@ -296,11 +304,11 @@ int Service::run() {
   }
   open_consumers();
 
-  const std::unique_ptr<Observer> observer = observer_for(rig_);
+  model_change_.emplace(observer_for(rig_));
   LoopSettings settings = loop_settings(rig_, device, pacing_);
   if (recorder_) settings.recorder = &recorder_->stream;
   Loop loop(*driver, clock_, settings, Excitation(rig_.excitation, driven_rig(rig_)),
-            observer.get(), ledger_, streams());
+            model_change_->observer(), ledger_, streams());
   const std::unique_ptr<ControlServer> control = open_control(loop, device);
 
   const bool real_time = rig_.loop.real_time_scheduling && pacing_ != Pacing::free_running;
@@ -356,16 +364,26 @@ std::unique_ptr<ControlServer> Service::open_control(Loop& loop,
   }
   auto control = std::make_unique<ControlServer>(
       std::move(*socket_), settings, loop, clock_, rig_.loop.rate_hz,
-      ControlHandlers{.status = [this, &loop] { return status(loop); },
-                      .refusal =
-                          [this, &loop](const Setting& setting) {
-                            return refusal(rig_.excitation, setting_bounds(loop), setting);
-                          },
-                      .was_set =
-                          [this](const Setting& setting) {
-                            rig_.excitation = with_setting(rig_.excitation, setting);
-                          },
-                      .reload = [this, &loop, &device] { return reload(loop, device); }});
+      ControlHandlers{
+          .status = [this, &loop] { return status(loop); },
+          .refusal =
+              [this, &loop](const Setting& setting) {
+                return refusal(rig_.excitation, setting_bounds(loop), setting);
+              },
+          .was_set =
+              [this](const Setting& setting) {
+                rig_.excitation = with_setting(rig_.excitation, setting);
+              },
+          .describe = [this] { return description_of(rig_); },
+          .reload = [this, &loop, &device] { return reload(loop, device); },
+          .propose_model =
+              [this](ModelFile file) { return model_change_->propose(rig_, std::move(file)); },
+          .model_answered = [this](const Answer& a) { return take_model(a); },
+          .propose_drive =
+              [this](DriveSamples samples) {
+                return drive_change_.propose(rig_, std::move(samples));
+              },
+          .drive_answered = [this](const Answer& a) { return take_drive(a); }});
   spdlog::info("control socket: {}", settings.path.string());
   return control;
 }
@@ -434,6 +452,30 @@ std::vector<std::string> Service::reload(Loop& loop, const drivers::Description&
   rig_.metrics = now.metrics;
   if (out.empty()) out.emplace_back("nothing has changed");
   return out;
+}
+
+// The recording and the live check follow the observer. Empty if the loop has not taken it.
+std::string Service::take_model(const Answer& answer) {
+  std::optional<NewModel> taken = model_change_->finish(answer);
+  if (!taken) return {};
+  const Event event = changed_event(taken->file, answer);
+  rig_.model = taken->model;
+  rig_.model_file = taken->file.name;
+  rig_.model_text = taken->file.text;
+  publish_and_log(event);
+  send(recording_info_message(rig_, started_utc_us_));
+  if (model_) model_->check.change_model(taken->model);
+  return event.message;
+}
+
+// Empty if the loop has not taken it.
+std::string Service::take_drive(const Answer& answer) {
+  const auto settings = drive_change_.finish(answer);
+  if (!settings) return {};
+  rig_.excitation = *settings;
+  const Event event = changed_event(drive_change_.samples(), answer);
+  publish_and_log(event);
+  return event.message;
 }
 
 /// Adds the reason of a refusal to the line about the change.

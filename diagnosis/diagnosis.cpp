@@ -353,6 +353,9 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   report("computing detection limits", 0.95);
   out.detection = search.detection();
   if (options.evidence) out.evidence = evidence_for(search);
+  if (options.posterior_axes > 0) {
+    out.open_hypotheses = open_hypotheses_of(search, options.posterior_axes, options.seed);
+  }
   out.baseline_model = declared.hypothesis->model_at(declared.fitted.z);
   use_units_of_model(out);
   report("done", 1.0);

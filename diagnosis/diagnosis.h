@@ -21,6 +21,7 @@
 #include "diagnosis/findings.h"
 #include "diagnosis/integrity.h"
 #include "diagnosis/location.h"
+#include "diagnosis/open_hypotheses.h"
 #include "diagnosis/score.h"
 #include "diagnosis/search.h"
 #include "physics/campaign.h"
@@ -115,6 +116,7 @@ struct Diagnosis {
   std::optional<FalseAlarms> false_alarms;  ///< where a bootstrap was run
   WindowCount windows;
   std::optional<CampaignResult> campaign;
+  std::vector<OpenHypothesis> open_hypotheses;  ///< where Options::posterior_axes is set
 };
 
 /// Frames, of all recordings together, beyond which protocol::read_recording should take stretches
@@ -126,6 +128,9 @@ struct Options {
   int threads = 1;
   std::optional<double> horizon_s;  ///< of a prediction; absent: default_horizon_s
   bool evidence = false;            ///< Diagnosis::evidence is wanted
+  /// Principal axes of the posterior of every hypothesis of Diagnosis::open_hypotheses; 0: those
+  /// are not wanted.
+  std::size_t posterior_axes = 0;
   /// Conditions of the recordings, in their order; empty: one model in all of them.
   std::shared_ptr<const physics::Campaign> campaign = nullptr;
   /// Conditions for which Diagnosis::model is wanted; empty: the references of the campaign.

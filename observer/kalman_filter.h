@@ -10,6 +10,7 @@
 
 #include "observer/consider_parameters.h"
 #include "observer/consistency.h"
+#include "observer/continuation.h"
 #include "observer/covariance.h"
 #include "observer/layout.h"
 #include "observer/noise.h"
@@ -67,6 +68,9 @@ class KalmanFilter {
     update(frame, [](KalmanFilter& filter) { filter.predict(); });
   }
 
+  /// See FrictionObserver::continue_from.
+  Continuation continue_from(const KalmanFilter& before);
+
   /// Linearises the next update() about other states than the filter's own: those before its first
   /// period, and those after its readings; null: the filter's own. Both must live until then.
   void linearise_about(const LinearisationPoint* before, const LinearisationPoint* after) {
@@ -111,6 +115,10 @@ class KalmanFilter {
   InputVariances input_variances() const;
   void correct_sensor_errors(Frame& frame);
   void reinitialise(const Frame& frame);
+  void keep_agreeing(const KalmanFilter& before, Correspondence& from) const;
+  void take_states(const KalmanFilter& before, const Correspondence& from);
+  /// With the part of the consider parameters.
+  double total_covariance(int row, int column) const;
   void apply_readings(const Frame& frame);
   double project_covariance(const MeasurementRow& row);
   bool apply_reading(Channel channel, const PredictedReading& predicted, double innovation);

@@ -108,6 +108,16 @@ double NoiseModel::reading_variance(Channel channel) const {
   return std::max(noise.variance, floor);
 }
 
+void NoiseModel::continue_from(const NoiseModel& before) {
+  for (std::size_t i = 0; i < channel_count; ++i) {
+    const double declared = reading_noise_[i].declared;
+    reading_noise_[i] = before.reading_noise_[i];
+    reading_noise_[i].declared = declared;
+  }
+  drive_noise_ = before.drive_noise_;
+  load_noise_ = before.load_noise_;
+}
+
 // Behind an anti-aliasing filter the third difference of a reading is noise alone, with 20 times
 // its variance. Without one the noise is overestimated, which is conservative.
 void NoiseModel::estimate_reading_noise(const Frame& frame) {

@@ -36,6 +36,10 @@ class NoiseModel {
   NoiseModel(const physics::Model& model, const physics::Rig& rig, const Layout& layout,
              const physics::RigNumbers<double>& numbers, double period_s, FrictionPrior prior);
 
+  /// Takes over what another one has found out about the readings' noise, where it is not declared,
+  /// and about the bandwidth of drive and load.
+  void continue_from(const NoiseModel& before);
+
   /// Initial state and covariance from a first frame. `mu`: previous estimate, ignored where it is
   /// implausible; 0: none.
   void initialise(const Frame& frame, double mu, Vector& mean, Covariance& covariance) const;

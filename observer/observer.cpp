@@ -63,6 +63,10 @@ const std::string& FrictionObserver::unsupported() const { return filter_->unsup
 
 const FrictionEstimate& FrictionObserver::latest() const { return filter_->estimate(); }
 
+Continuation FrictionObserver::continue_from(const FrictionObserver& before) {
+  return filter_->continue_from(*before.filter_);
+}
+
 const FrictionEstimate& FrictionObserver::update(const Frame& frame) {
   filter_->update(frame);
   return filter_->estimate();

@@ -129,6 +129,19 @@ static_assert(std::is_trivially_copyable_v<FrictionEstimate>);
 /// most four standard deviations, and by at most 0.5.
 bool is_possible(const FrictionEstimate& estimate);
 
+/// Outcome of FrictionObserver::continue_from.
+struct Continuation {
+  std::uint8_t kept = 0;  ///< states that were taken over
+  std::uint8_t anew = 0;  ///< states that start anew
+  bool motion = false;    ///< displacement and velocity were taken over
+  bool mu = false;        ///< these parameters were; false also where one of the models has none
+  bool gamma = false;
+  bool load = false;
+  /// True if no state of the motion, the contact or the sensors starts anew: estimates stay good.
+  bool settled = false;
+};
+static_assert(std::is_trivially_copyable_v<Continuation>);
+
 class KalmanFilter;
 
 /// Estimator for one rig. All memory is allocated by the constructor. Not thread-safe.
@@ -153,6 +166,14 @@ class FrictionObserver {
   const FrictionEstimate& update(const Frame& frame);
 
   const FrictionEstimate& latest() const;
+
+  /// Goes on from the state of an observer of the same rig and period with another model, which is
+  /// not changed; before the first update. States that both models have are taken over with their
+  /// covariance (observer/continuation.h), but for mu, gamma and a constant load that differ from
+  /// this model by more than three standard deviations. The others start anew from the latest
+  /// frame. Counts of restarts and rejected readings continue; NIS and whiteness start anew. No
+  /// allocation, no lock, bounded time.
+  Continuation continue_from(const FrictionObserver& before);
 
  private:
   std::unique_ptr<KalmanFilter> filter_;

@@ -15,6 +15,9 @@ inline constexpr const char* timing_channel = "STICKSLIP_TIMING";
 inline constexpr const char* event_channel = "STICKSLIP_EVENT";
 inline constexpr const char* recording_channel = "STICKSLIP_RECORDING";
 
+/// Code of the event that the rig's model was changed while it runs.
+inline constexpr const char* model_changed_code = "model_changed";
+
 /// Default provider of the tools and the daemon: LCM's own group, on this host only.
 inline constexpr const char* default_url = "udpm://239.255.76.67:7667?ttl=0";
 

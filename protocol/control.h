@@ -22,8 +22,8 @@ inline constexpr int control_version = 1;
 /// Default socket of daemon and tools.
 inline constexpr const char* default_control_socket = "/run/stickslip/control.sock";
 
-/// Longest line, its end included.
-inline constexpr std::size_t longest_control_line = std::size_t{64} * 1024;
+/// Longest line, its end included: a drive in samples, or a model file.
+inline constexpr std::size_t longest_control_line = std::size_t{1024} * 1024;
 
 struct ControlRequest {
   std::int64_t id = 0;

@@ -23,6 +23,12 @@ std::string cut_off_warning(const Recording& recording) {
          physics::counted(recording.frames.size(), "frame") + " could be read";
 }
 
+std::string model_change_note(const Recording& recording, const ModelChange& change) {
+  return recording.source + ": after " +
+         physics::fixed_text(static_cast<double>(change.time_ns) * 1e-9, 3) + " s, " +
+         change.message;
+}
+
 std::string utc_text(std::int64_t utc_us) {
   if (utc_us <= 0) return "";
   const auto when = static_cast<std::time_t>(utc_us / 1'000'000);

@@ -38,11 +38,20 @@ struct Description {
 /// times.
 std::string utc_text(std::int64_t utc_us);
 
+/// A change of the rig's model while it was being recorded (event "model_changed").
+struct ModelChange {
+  std::int64_t time_ns = 0;  ///< of the latest frame before it
+  std::string message;       ///< one sentence, with name and SHA-256 of the model file
+
+  friend bool operator==(const ModelChange&, const ModelChange&) = default;
+};
+
 struct Recording {
   std::string source;         ///< its file
   std::vector<Frame> frames;  ///< in strictly increasing time
   std::uint8_t channels = 0;  ///< bit i: some frame holds Channel i
-  Description description;
+  Description description;    ///< the model is the last one
+  std::vector<ModelChange> model_changes = {};
   /// Bytes of an incomplete event at the end of a log that was truncated by a killed recorder or a
   /// power cut. All events before are included.
   std::uint64_t cut_off_bytes = 0;
@@ -53,6 +62,9 @@ struct Recording {
   std::uint64_t left_out = 0;
   std::vector<std::size_t> after_left_out = {};  ///< frames before which some were left out
 };
+
+/// One line about a change of the model, with the file and the time.
+std::string model_change_note(const Recording& recording, const ModelChange& change);
 
 /// No limit to the frames of a recording.
 inline constexpr std::size_t all_frames = std::numeric_limits<std::size_t>::max();

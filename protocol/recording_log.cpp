@@ -62,6 +62,7 @@ Recording parse_log(std::istream& in, const std::string& name, const ProgressCal
   recording.source = name;
   frame_block_t block;
   recording_info_t info;
+  event_t note;
   LogEvent event;
   SpreadFrames frames(most_frames);
   std::vector<Frame> decoded;
@@ -101,6 +102,9 @@ Recording parse_log(std::istream& in, const std::string& name, const ProgressCal
                           " is damaged, or not a recording_info_t of this version");
       }
       recording.description = description_of(info);
+    } else if (event.channel == event_channel && decode(event.data, note) &&
+               note.code == model_changed_code) {
+      recording.model_changes.push_back({note.time_ns, note.message});
     }
   }
   frames.finish(recording);

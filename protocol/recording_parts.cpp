@@ -5,10 +5,13 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <utility>
+#include <vector>
 
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/channels.h"
+#include "protocol/decode.h"
 #include "protocol/recording.h"
 #include "protocol/recording_log.h"
 
@@ -51,6 +54,17 @@ std::vector<LogSurvey> parts_of(std::span<const std::filesystem::path> files,
   return parts;
 }
 
+/// Makes the description after a change of the model one of a part, `first`.
+void take_over_part(const recording_info_t& first, std::vector<std::uint8_t>& message) {
+  recording_info_t info;
+  if (!decode(message, info)) return;  // the survey accepted it
+  info.part = first.part;
+  info.previous_part = first.previous_part;
+  info.frames_before = first.frames_before;
+  message.resize(static_cast<std::size_t>(info.getEncodedSize()));
+  info.encode(message.data(), 0, static_cast<int>(message.size()));
+}
+
 }  // namespace
 
 std::filesystem::path part_file(const std::filesystem::path& file, std::int32_t part) {
@@ -63,7 +77,7 @@ std::filesystem::path part_file(const std::filesystem::path& file, std::int32_t 
 bool of_one_recording(const recording_info_t& a, const recording_info_t& b) {
   return a.started_utc_us == b.started_utc_us && a.rig == b.rig && a.program == b.program &&
          a.version == b.version && a.configuration_sha256 == b.configuration_sha256 &&
-         a.model_sha256 == b.model_sha256 && a.calibration_sha256 == b.calibration_sha256 &&
+         a.calibration_sha256 == b.calibration_sha256 &&
          a.fault_script_sha256 == b.fault_script_sha256;
 }
 
@@ -123,8 +137,15 @@ JoinResult join_logs(std::span<const std::filesystem::path> files, const std::fi
   for (const LogSurvey& part : parts) {
     std::ifstream in(part.source, std::ios::binary);
     EventReader reader(in, part.source, progress_of_part(done, copied++, 2 * parts.size()));
+    bool is_first = true;
     for (LogEvent event; reader.next(event) == EventReader::Found::event;) {
-      if (before != nullptr && event.channel == recording_channel) continue;
+      if (event.channel == recording_channel) {
+        if (!std::exchange(is_first, false)) {
+          take_over_part(*parts.front().info, event.data);
+        } else if (before != nullptr) {
+          continue;
+        }
+      }
       require(writer.append(event.channel, event.data, event.time_us));
     }
     joined.frames += part.frames;

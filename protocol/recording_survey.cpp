@@ -43,7 +43,7 @@ class Content {
     bool valid = true;
     if (channel == recording_channel) valid = decode(event.data, info);
     if (channel == status_channel) valid = decode(event.data, status);
-    if (channel == event_channel) valid = decode(event.data, event_);
+    if (channel == event_channel) valid = decode(event.data, note);
     if (channel == estimate_channel) valid = decode(event.data, estimate_);
     if (channel == excitation_channel) valid = decode(event.data, excitation_);
     return valid ? Validity::yes : Validity::undecodable;
@@ -57,6 +57,7 @@ class Content {
   std::vector<Frame> frames;
   recording_info_t info{};
   status_t status{};
+  event_t note{};
 
  private:
   static bool is_frame_block(std::span<const std::uint8_t> bytes) {
@@ -71,7 +72,6 @@ class Content {
   frame_block_t block_{};
   friction_estimate_t estimate_{};
   excitation_t excitation_{};
-  event_t event_{};
 };
 
 /// Receiver of the items of a log.
@@ -130,9 +130,12 @@ class Survey final : public Visitor {
     take_number(event);
     count(event);
     for (const Frame& frame : content.frames) take(frame);
-    if (event.channel == recording_channel && out_.events == 1) {
-      out_.info = content.info;
+    if (event.channel == recording_channel) {
+      if (out_.events == 1) out_.info = content.info;
       take_digests(content.info);
+    }
+    if (event.channel == event_channel && content.note.code == model_changed_code) {
+      out_.model_changes.push_back({content.note.time_ns, content.note.message});
     }
     if (event.channel == status_channel && is_of_the_recorder()) take_ledger(content.status);
   }
@@ -215,9 +218,9 @@ class Survey final : public Visitor {
   void take_digests(const recording_info_t& info) {
     const auto compare = [this](const char* name, const std::string& text,
                                 const std::string& digest) {
-      if (digest != (text.empty() ? std::string() : sha256_of(text))) {
-        out_.altered_texts.emplace_back(name);
-      }
+      auto& altered = out_.altered_texts;
+      if (std::find(altered.begin(), altered.end(), name) != altered.end()) return;
+      if (digest != (text.empty() ? std::string() : sha256_of(text))) altered.emplace_back(name);
     };
     compare("configuration", info.configuration, info.configuration_sha256);
     compare("model", info.model, info.model_sha256);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "physics/frame.h"
+#include "protocol/recording.h"
 #include "protocol/recording_events.h"
 #include "protocol/time_steps.h"
 
@@ -81,7 +82,8 @@ struct LogSurvey {
 
   std::optional<recording_info_t> info;    ///< first event, if it is a description
   std::vector<std::string> altered_texts;  ///< of the description: those with another digest
-  std::optional<RecordedLedger> ledger;    ///< of logs written by a daemon
+  std::vector<ModelChange> model_changes;
+  std::optional<RecordedLedger> ledger;  ///< of logs written by a daemon
 
   /// Number of the part; 0 if unknown.
   std::int32_t part() const { return info ? info->part : 0; }

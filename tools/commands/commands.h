@@ -28,4 +28,8 @@ void add_subcommands(command_line::Program& program, Action& action);
 /// `ctl calibrate`. `socket`: the option of `ctl`, set once the command line has been parsed.
 void add_ctl_calibrate(CLI::App& ctl, std::shared_ptr<const std::string> socket, Action& action);
 
+/// `ctl model`. `socket`, `json_output`: options of `ctl`, likewise.
+void add_ctl_model(CLI::App& ctl, std::shared_ptr<const std::string> socket,
+                   std::shared_ptr<const bool> json_output, Action& action);
+
 }  // namespace stickslip::commands

@@ -24,6 +24,7 @@
 #include "tools/concealment/campaign.h"
 #include "tools/concealment/concealment.h"
 #include "tools/concealment/hidden_effect.h"
+#include "tools/concealment/hidden_rig.h"
 #include "tools/files/write_file.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
@@ -51,6 +52,7 @@ struct Arguments {
   std::vector<std::string> nuisances;
   std::string snr;
   bool campaign = false;
+  bool rig = false;
   int jobs = 0;
 };
 
@@ -165,6 +167,24 @@ void write_campaign(const concealment::CampaignCase& made, const fs::path& folde
              "SHA-256 of the truth file: " + protocol::sha256_of(truth) + "\n");
 }
 
+// A daemon reads the sealed model by its path from the configuration's folder.
+void write_rig(const concealment::HiddenRig& made, const fs::path& folder,
+               const fs::path& truth_file) {
+  make_folder(folder);
+  fs::path sealed = truth_file;
+  sealed.replace_extension(".toml");
+  const std::string actual = config::model_text(made.actual);
+  write_file(sealed, actual);
+  write_file(folder / "model.toml", config::model_text(made.declared));
+  write_file(folder / "rig.toml",
+             concealment::rig_text(made, fs::relative(sealed, folder).generic_string()));
+  const std::string truth = concealment::truth_text(made.truth);
+  write_file(truth_file, truth);
+  write_file(folder / "seal.txt",
+             "SHA-256 of the truth file: " + protocol::sha256_of(truth) +
+                 "\nSHA-256 of the sealed model: " + protocol::sha256_of(actual) + "\n");
+}
+
 // Those that campaigns hide; all of them where none is named.
 std::vector<concealment::CampaignEffect> campaign_effects(const std::vector<std::string>& named) {
   std::vector<concealment::CampaignEffect> out;
@@ -201,6 +221,11 @@ CaseRequest request_of(const Arguments& arguments) {
   return request;
 }
 
+const char* made_kind(const Arguments& arguments) {
+  if (arguments.campaign) return "concealed campaign";
+  return arguments.rig ? "concealed rig" : "concealed recording";
+}
+
 int run(Arguments arguments) {
   const auto effects = arguments.campaign ? campaign_effects(arguments.effects)
                                           : std::vector<concealment::CampaignEffect>{};
@@ -228,17 +253,17 @@ int run(Arguments arguments) {
       if (arguments.kind != "null") effect = effects[i % effects.size()];
       write_campaign(concealment::conceal_campaign(effect, arguments.duration_s, seed, name),
                      out / name, truth_file);
+    } else if (arguments.rig) {
+      write_rig(concealment::conceal_rig(request, seed, name), out / name, truth_file);
     } else {
       write_case(concealment::conceal(request, seed, name), out / name, truth_file);
     }
     progress.at(done.fetch_add(1) + 1, count);
   });
   progress.finish();
-  terminal::print(
-      "%s written to %s, the truth to %s\n",
-      physics::counted(count, arguments.campaign ? "concealed campaign" : "concealed recording")
-          .c_str(),
-      out.c_str(), truth.c_str());
+  terminal::print("%s written to %s, the truth to %s\n",
+                  physics::counted(count, made_kind(arguments)).c_str(), out.c_str(),
+                  truth.c_str());
   return 0;
 }
 
@@ -286,8 +311,14 @@ void add_conceal(CLI::App& app, Action& action) {
       "Make campaigns of four recordings in which an effect shows only in comparison: "
       "load_dependent_mu, run_drift, amplitude_damping or faulty_channel (--effect); "
       "with --kind null nothing is hidden");
+  command->add_flag("--rig", arguments->rig,
+                    "Make configurations of simulated rigs with hidden effects, for a daemon and "
+                    "`investigate`: rig.toml, with the truth in a sealed model of its own");
   for (const char* other : {"--instruments", "--nuisance", "--snr"}) {
     command->get_option("--campaign")->excludes(other);
+  }
+  for (const char* other : {"--instruments", "--nuisance", "--campaign"}) {
+    command->get_option("--rig")->excludes(other);
   }
   add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, seed, command] {

@@ -341,6 +341,8 @@ void add_ctl(CLI::App& app, Action& action) {
   CLI::App* const averaging = command("average", "Mean of the raw readings", average);
   add_averaging_time_option(*averaging, arguments->seconds);
   add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
+  add_ctl_model(*ctl, {arguments, &arguments->socket}, {arguments, &arguments->json_output},
+                action);
   command("reload", "Reload the configuration, as SIGHUP does", reload);
   CLI::App* const watching =
       command("watch", "Print events as they occur, and the status every second", watch);
@@ -352,7 +354,9 @@ void add_ctl(CLI::App& app, Action& action) {
                     {"Arm the rig", "stickslip ctl arm"},
                     {"Start, and stop when this command ends", "stickslip ctl start --dead-man"},
                     {"Change the excitation while it runs",
-                     "stickslip ctl set excitation.carrier_hz 4.2"}},
+                     "stickslip ctl set excitation.carrier_hz 4.2"},
+                    {"Take the model that a diagnosis has mended",
+                     "stickslip ctl model mended.toml"}},
        .environment = {{"STICKSLIP_CONTROL",
                         "Control socket of the daemon if --socket is not given"},
                        no_color_variable},

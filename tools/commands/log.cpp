@@ -288,6 +288,10 @@ Json info_json(const LogSurvey& log) {
                      {"lost", lost},
                      {"closed", log.ledger->closed()}};
   }
+  out["model_changes"] = Json::array();
+  for (const protocol::ModelChange& change : log.model_changes) {
+    out["model_changes"].push_back({{"time_ns", change.time_ns}, {"message", change.message}});
+  }
   out["cut_off_bytes"] = log.cut_off_bytes;
   out["faults"] = log.faults();
   return out;
@@ -313,6 +317,10 @@ void print_info(const LogSurvey& log) {
     }
   } else {
     print("description", "none");
+  }
+  for (const protocol::ModelChange& change : log.model_changes) {
+    print("new model", "after " + fixed_text(static_cast<double>(change.time_ns) * 1e-9, 3) +
+                           " s: " + change.message);
   }
   print("duration", fixed_text(log.duration_s(), 3) + " s");
   print("rate", physics::number_text(log.rate_hz(), 6) + " Hz");

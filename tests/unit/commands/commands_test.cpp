@@ -50,7 +50,7 @@ TEST(Commands, EveryFileOfTheFolderIsACommand) {
   for (const auto& entry : fs::directory_iterator(STICKSLIP_SOURCE_DIR "/tools/commands")) {
     if (entry.path().extension() == ".cpp") files.insert(entry.path().stem());
   }
-  std::set<std::string> names = {"ctl_calibrate"};
+  std::set<std::string> names = {"ctl_calibrate", "ctl_model"};
   const Parser parser;
   for (const CLI::App* each : terminal::visible_subcommands(parser.program)) {
     EXPECT_TRUE(names.insert(each->get_name()).second) << each->get_name();

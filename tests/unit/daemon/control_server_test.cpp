@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -20,6 +21,10 @@
 #include <string>
 #include <vector>
 
+#include "config/model_file.h"
+#include "config/rig.h"
+#include "daemon/drive_change.h"
+#include "daemon/rig_description.h"
 #include "physics/problem.h"
 #include "tests/unit/daemon/fakes.h"
 
@@ -97,6 +102,10 @@ class ControlTest : public testing::Test {
     loop = std::make_unique<Loop>(driver, clock, loop_settings, Excitation(shaking()), nullptr,
                                   ledger, std::vector<Stream*>{});
     loop->begin();
+    rig.excitation = shaking();
+    rig.limits.displacement_m = 0.02;
+    rig.limits.velocity_m_s = 1.0;
+    rig.limits.acceleration_m_s2 = 50.0;
   }
   ~ControlTest() override { std::filesystem::remove_all(folder); }
 
@@ -114,7 +123,34 @@ class ControlTest : public testing::Test {
                           return std::nullopt;
                         },
                         .was_set = [this](const Setting& setting) { latest_setting = setting; },
-                        .reload = [] { return std::vector<std::string>{"nothing"}; }});
+                        .describe = [this] { return description_of(rig); },
+                        .reload = [] { return std::vector<std::string>{"nothing"}; },
+                        .propose_model = [this](ModelFile file) { return propose(file); },
+                        .model_answered =
+                            [this](const Answer& answer) {
+                              model_answers.push_back(answer);
+                              return std::string(answer.accepted ? "taken" : "");
+                            },
+                        .propose_drive =
+                            [this](DriveSamples samples) {
+                              return drive_change.propose(rig, std::move(samples));
+                            },
+                        .drive_answered =
+                            [this](const Answer& answer) {
+                              const auto taken = drive_change.finish(answer);
+                              if (taken) rig.excitation = *taken;
+                              return taken ? changed_event(drive_change.samples(), answer).message
+                                           : std::string();
+                            }});
+  }
+
+  Command propose(const ModelFile& file) {
+    if (file.text == "wrong") throw InputError(Problem{file.name, 12, 3, "mu is -1"});
+    proposed.push_back(file);
+    Command out;
+    out.kind = Command::Kind::observe;
+    out.observer = &observer;
+    return out;
   }
 
   /// Server and loop, alternating.
@@ -149,7 +185,21 @@ class ControlTest : public testing::Test {
   std::unique_ptr<Loop> loop;
   std::unique_ptr<ControlServer> control;
   Setting latest_setting;
+  Observer observer{config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"), 1e-3};
+  std::vector<ModelFile> proposed;
+  std::vector<Answer> model_answers;
+  config::Rig rig;
+  DriveChange drive_change;
 };
+
+// Up to 4 mm and back, in a second.
+json slow_drive() {
+  json samples = json::array();
+  for (int k = 0; k <= 100; ++k) samples.push_back(0.002 - 0.002 * std::cos(0.02 * M_PI * k));
+  samples.front() = 0.0;
+  samples.back() = 0.0;
+  return {{"do", "drive"}, {"period_s", 0.01}, {"samples", samples}};
+}
 
 TEST_F(ControlTest, AnOperatorStartsAndStopsTheRig) {
   open();
@@ -266,6 +316,127 @@ TEST_F(ControlTest, ChangesTheExcitationWithinItsLimits) {
   EXPECT_EQ(latest_setting.value, 3.5);
   EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "loop.rate_hz"}, {"value", 1.0}})["ok"], false);
   EXPECT_EQ(ask(client, {{"do", "set"}, {"key", "excitation.carrier_hz"}})["ok"], false);
+}
+
+TEST_F(ControlTest, AModelGoesToTheLoopAndItsAnswerToClientAndHandler) {
+  open();
+  Client client(settings.path);
+  const json model = {{"do", "model"}, {"file", "mended.toml"}, {"text", "right"}};
+  json answer = ask(client, model);
+  EXPECT_EQ(answer["ok"], false);
+  EXPECT_EQ(answer["error"],
+            "the rig is faulted: the daemon has just started; inspect the rig, then clear");
+  ask(client, {{"do", "clear"}});
+  answer = ask(client, model);
+  EXPECT_EQ(answer["ok"], true);
+  EXPECT_EQ(answer["message"], "taken");
+  EXPECT_EQ(answer["observer"]["kept"], 0);  // there was none before
+  EXPECT_EQ(answer["sequence"], driver.sequence - 2);
+  ASSERT_EQ(proposed.size(), 2U);
+  EXPECT_EQ(proposed[1].name, "mended.toml");
+  EXPECT_EQ(proposed[1].text, "right");
+  ASSERT_EQ(model_answers.size(), 2U);
+  EXPECT_FALSE(model_answers[0].accepted);
+  EXPECT_TRUE(model_answers[1].accepted);
+}
+
+TEST_F(ControlTest, AWrongModelIsRefusedWithFileLineAndValue) {
+  open();
+  Client client(settings.path);
+  ask(client, {{"do", "clear"}});
+  const json answer = ask(client, {{"do", "model"}, {"file", "a.toml"}, {"text", "wrong"}});
+  EXPECT_EQ(answer["error"], "a.toml:12:3: mu is -1");
+  for (const json& wrong : {json{{"do", "model"}}, json{{"do", "model"}, {"file", "a.toml"}},
+                            json{{"do", "model"}, {"file", 3}, {"text", "right"}}}) {
+    EXPECT_THAT(ask(client, wrong)["error"].get<std::string>(), HasSubstr("a text")) << wrong;
+  }
+  EXPECT_TRUE(proposed.empty());
+  EXPECT_TRUE(model_answers.empty());
+}
+
+// The observer is lent to the loop until it answers, whether or not the client waits.
+TEST_F(ControlTest, TheAnswerReachesTheHandlerAlsoIfTheClientHasLeft) {
+  open();
+  {
+    Client client(settings.path);
+    client.send(json{{"v", 1}, {"do", "model"}, {"file", "a.toml"}, {"text", "right"}}.dump() +
+                "\n");
+    control->serve(0ms, -1);
+    control->serve(0ms, -1);
+  }
+  run(3);
+  EXPECT_EQ(model_answers.size(), 1U);
+}
+
+TEST_F(ControlTest, ADriveOfSamplesIsPlayedOnceAndEndsAtRest) {
+  open();
+  Client client(settings.path);
+  EXPECT_EQ(ask(client, {{"do", "describe"}})["rig"]["limits"]["displacement_m"], 0.02);
+  EXPECT_EQ(ask(client, slow_drive())["ok"], false) << "a faulted rig takes no drive";
+  EXPECT_EQ(rig.excitation.kind, shaking().kind);
+  ask(client, {{"do", "clear"}});
+  const json taken = ask(client, slow_drive());
+  EXPECT_EQ(taken["message"], "the drive is one of 101 samples over 1 s from the control socket");
+  EXPECT_EQ(rig.excitation.kind, config::ExcitationKind::file);
+  ask(client, {{"do", "arm"}});
+  ask(client, {{"do", "start"}});
+  double largest = 0.0;
+  for (int i = 0; i < 500; ++i) {
+    run();
+    largest = std::max(largest, driver.last.drive);
+  }
+  EXPECT_NEAR(largest, 0.004, 1.0e-4);
+  EXPECT_THAT(std::string(ask(client, slow_drive())["error"]), HasSubstr("idle or armed"));
+  run(700);
+  EXPECT_FALSE(driver.last.amplifier_on);
+  EXPECT_EQ(ask(client, {{"do", "status"}})["state"], "idle");
+  EXPECT_EQ(ask(client, {{"do", "drive"}})["message"], "the drive is the configured one again");
+  EXPECT_EQ(rig.excitation.kind, shaking().kind);
+}
+
+TEST_F(ControlTest, ADriveBeyondTheLimitsOrWithoutNumbersIsRefused) {
+  open();
+  Client client(settings.path);
+  ask(client, {{"do", "clear"}});
+  const auto refusal = [&](const json& request) {
+    return ask(client, request).value("error", std::string("accepted"));
+  };
+  json wrong = slow_drive();
+  for (json& each : wrong["samples"]) each = 10.0 * each.get<double>();
+  EXPECT_THAT(refusal(wrong), HasSubstr("limits.displacement_m"));
+  wrong = slow_drive();
+  wrong["samples"][3] = "a";
+  EXPECT_THAT(refusal(wrong), HasSubstr("list of numbers"));
+  wrong = slow_drive();
+  wrong["samples"].back() = 1.0e-3;
+  EXPECT_THAT(refusal(wrong), HasSubstr("end at rest"));
+  wrong = slow_drive();
+  wrong["period_s"] = 0.0;
+  EXPECT_THAT(refusal(wrong), HasSubstr("period"));
+  rig.excitation.enabled = false;
+  EXPECT_THAT(refusal(slow_drive()), HasSubstr("excitation.enabled is false"));
+  EXPECT_TRUE(drive_change.samples().values.empty());
+}
+
+// The next start does not play samples that a program left behind.
+TEST_F(ControlTest, TheConfiguredDriveReturnsWhenTheClientOfAnotherLeaves) {
+  open();
+  Client other(settings.path);
+  ask(other, {{"do", "clear"}});
+  {
+    Client client(settings.path);
+    ask(client, slow_drive());
+    ask(client, {{"do", "arm"}});
+    ask(client, {{"do", "start"}, {"dead_man", true}});
+    run(30);
+    EXPECT_TRUE(driver.last.amplifier_on);
+  }
+  run(1500);  // the dead-man's handle was let go
+  EXPECT_FALSE(driver.last.amplifier_on);
+  EXPECT_EQ(rig.excitation.kind, config::ExcitationKind::file) << "not of a faulted rig";
+  ask(other, {{"do", "clear"}});
+  run(5);
+  EXPECT_EQ(rig.excitation.kind, shaking().kind);
 }
 
 TEST_F(ControlTest, AveragesRawReadings) {

@@ -6,8 +6,12 @@
 
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <string>
+#include <thread>
 #include <vector>
 
+#include "physics/simulator.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::daemon {
@@ -77,6 +81,76 @@ TEST(ModelCheck, StartsAgainWithTheSource) {
   check.write_block(samples_of(driven_mass(), 0.5));
   check.finish();
   EXPECT_TRUE(events_of(check).empty());
+}
+
+/// A rig that goes on for as long as the checks of a busy machine take.
+class EndlessRig {
+ public:
+  explicit EndlessRig(const physics::Model& model) : rig_(model, {.step_s = 5.0e-4, .seed = 1}) {}
+
+  std::vector<Sample> next(int count) {
+    std::vector<Sample> out;
+    for (int i = 0; i < count; ++i) {
+      for (int part = 1; part <= parts; ++part) {
+        physics::Input input;
+        const double share = static_cast<double>(part) / parts;
+        input.drive_force_n = 1.5 * std::sin(12.0 * (static_cast<double>(frames_) + share) /
+                                             diagnosis::test::rate_hz);
+        rig_.advance(1.0 / (parts * diagnosis::test::rate_hz), input);
+      }
+      Frame frame = rig_.read();
+      frame.time_ns = ++frames_ * static_cast<std::int64_t>(1.0e9 / diagnosis::test::rate_hz);
+      frame.valid &= diagnosis::test::bits_of_displacement_and_force;
+      out.emplace_back().frame = frame;
+    }
+    return out;
+  }
+
+ private:
+  static constexpr int parts = 10;
+  physics::RigSimulator rig_;
+  std::int64_t frames_ = 0;
+};
+
+/// Passes samples on until an event of that code; the event, if any.
+std::optional<Event> event_after(ModelCheck& check, EndlessRig& rig, const std::string& code) {
+  const auto until = std::chrono::steady_clock::now() + std::chrono::minutes(5);
+  while (std::chrono::steady_clock::now() < until) {
+    check.write_block(rig.next(100));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    while (const auto event = check.next_event()) {
+      if (event->code == code) return event;
+    }
+  }
+  return std::nullopt;
+}
+
+// The explanation that has just begun ends without a result.
+TEST(ModelCheck, AMendedModelIsFollowedFromItsChangeOn) {
+  ModelCheck check(driven_mass(), 30.0);
+  EndlessRig rig(sliding_mass());
+  ASSERT_TRUE(event_after(check, rig, "model_broken"));
+  check.change_model(sliding_mass());
+  EXPECT_EQ(check.verdict().status, LiveStatus::waiting);
+  const std::optional<Event> event = event_after(check, rig, "model_follows");
+  ASSERT_TRUE(event);
+  EXPECT_EQ(event->message, "the rig follows its new model");
+  check.finish();
+  EXPECT_EQ(check.verdict().status, LiveStatus::follows);
+  EXPECT_EQ(check.verdict().alarms, 1U);
+  EXPECT_TRUE(events_of(check).empty());
+}
+
+TEST(ModelCheck, AModelThatIsNotThatOfTheRigIsReportedAndItsAlarmsAreCountedOn) {
+  ModelCheck check(sliding_mass(), 30.0, std::chrono::seconds(0));
+  EndlessRig rig(sliding_mass());
+  check.change_model(driven_mass());
+  ASSERT_TRUE(event_after(check, rig, "model_broken"));
+  check.change_model(sliding_mass());
+  check.change_model(driven_mass());
+  ASSERT_TRUE(event_after(check, rig, "model_broken"));
+  check.finish();
+  EXPECT_EQ(check.verdict().alarms, 2U);
 }
 
 TEST(ModelCheck, EventsNameStretchAndCertainty) {

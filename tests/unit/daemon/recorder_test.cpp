@@ -19,6 +19,7 @@
 #include "daemon/message_writer.h"
 #include "daemon/messages.h"
 #include "physics/problem.h"
+#include "protocol/channels.h"
 #include "protocol/recording.h"
 #include "protocol/recording_parts.h"
 #include "protocol/recording_survey.h"
@@ -234,6 +235,38 @@ TEST_F(RecorderTest, AnyRotationNeitherLosesNorDuplicatesFrames) {
     EXPECT_TRUE(finish());
     expect_one_recording(frames);
   }
+}
+
+// A mended model is part of the log in which it came, and of every later part.
+TEST_F(RecorderTest, AChangedModelIsInTheRecordingAndItsLaterParts) {
+  open({.rotate_s = 1.0});
+  for (int i = 0; i < 150; ++i) write_block();  // half of the second part
+  Event event;
+  event.code = protocol::model_changed_code;
+  event.message = "the model is now mended.toml";
+  event.time_ns = 1'499'000'000;
+  sink_->write_message(event_message(event, 1'720'000'000'000'000));
+  rig_.model_text = "schema = 1 # mended\n";
+  sink_->write_message(recording_info_message(rig_, 1'720'000'000'000'000));
+  for (int i = 0; i < 155; ++i) write_block();
+  EXPECT_TRUE(finish());
+  expect_one_recording(3050);  // also joined
+  const auto logs = surveys();
+  ASSERT_EQ(logs.size(), 4U);
+  for (std::size_t i = 0; i < logs.size(); ++i) {
+    EXPECT_EQ(logs[i].info->model, i < 2 ? "schema = 1\n" : "schema = 1 # mended\n") << i;
+    EXPECT_EQ(logs[i].info->part, static_cast<int>(i));
+    EXPECT_EQ(logs[i].model_changes.size(), i == 1 ? 1U : 0U) << i;
+    EXPECT_EQ(protocol::read_recording(parts()[i]).description.part, static_cast<int>(i));
+  }
+  const protocol::Recording all = protocol::read_recording(folder_ / "all.log");
+  EXPECT_EQ(all.description.model, rig_.model_text);
+  EXPECT_EQ(all.description.part, 0);
+  EXPECT_THAT(all.model_changes,
+              testing::ElementsAre(protocol::ModelChange{event.time_ns, event.message}));
+  EXPECT_EQ(model_change_note(all, all.model_changes[0]),
+            all.source + ": after 1.499 s, the model is now mended.toml");
+  EXPECT_THAT(protocol::survey_log(folder_ / "all.log").faults(), IsEmpty());
 }
 
 TEST_F(RecorderTest, AnExistingLogIsKept) {

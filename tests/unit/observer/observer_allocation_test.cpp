@@ -44,6 +44,15 @@ TEST(ObserverAllocation, UpdatesDoNotUseTheHeapThroughGapsOutliersAndRestarts) {
   for (const Frame& frame : frames) observer.update(frame);
   EXPECT_EQ(heap_count::stop(), 0U);
   EXPECT_GT(observer.latest().restarts, 0U);
+
+  // Nor does one with another model that goes on from it.
+  model.terms.erase(model.terms.begin());
+  FrictionObserver next(model, 1.0e-3);
+  heap_count::start();
+  const Continuation continuation = next.continue_from(observer);
+  next.update(frames.back());
+  EXPECT_EQ(heap_count::stop(), 0U);
+  EXPECT_GT(continuation.kept, 10);
 }
 
 }  // namespace
