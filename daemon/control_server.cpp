@@ -211,6 +211,18 @@ json model_of(const Status& status) {
 
 }  // namespace
 
+json recording_of(const Status& status) {
+  if (!status.recording) return nullptr;
+  const RecordingProgress& recording = *status.recording;
+  return {{"file", recording.file.string()},
+          {"part", recording.part},
+          {"file_bytes", recording.file_bytes},
+          {"bytes", recording.bytes},
+          {"length_s", static_cast<double>(recording.length_us) * 1e-6},
+          {"free_bytes", status.free_bytes ? json(*status.free_bytes) : json()},
+          {"failing", status.recording_failing}};
+}
+
 json json_of(const Status& status) {
   return {{"state", name_of(status.state)},
           {"interlock", status.state == RigState::faulted ? name_of(status.interlock) : ""},
@@ -239,6 +251,7 @@ json json_of(const Status& status) {
             {"failed_reads", status.failed_reads},
             {"failed_writes", status.failed_writes},
             {"devices", json_of(status.devices)}}},
+          {"recording", recording_of(status)},
           {"model", model_of(status)},
           {"lost_messages", status.lost_messages}};
 }

@@ -15,6 +15,15 @@
 
 namespace stickslip::daemon {
 
+/// A recording as far as it is in its files.
+struct RecordingProgress {
+  std::filesystem::path file;    ///< the latest part
+  std::int32_t part = 0;         ///< from 0
+  std::uint64_t file_bytes = 0;  ///< in that part
+  std::uint64_t bytes = 0;       ///< in all parts
+  std::int64_t length_us = 0;    ///< from the first frame to the latest
+};
+
 class MessageWriter {
  public:
   MessageWriter() = default;
@@ -35,6 +44,9 @@ class MessageWriter {
   /// Any thread: what happened to the destination since the last call, oldest first. After an event
   /// of severity error something of what was written is lost.
   virtual std::vector<Event> take_events() { return {}; }
+
+  /// Any thread. Absent: not a recording.
+  virtual std::optional<RecordingProgress> progress() const { return std::nullopt; }
 
   /// True if everything written is safe. Called once, at the end.
   virtual bool close() { return true; }

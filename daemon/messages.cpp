@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <stickslip/event_t.hpp>
+#include <stickslip/recorder_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/timing_t.hpp>
 
@@ -145,6 +146,19 @@ Message timing_message(const Timing& timing, std::int64_t utc_us) {
     out.read.push_back(signed_of(timing.read.count_in(bin)));
   }
   return message_of(protocol::timing_channel, out, utc_us);
+}
+
+Message recorder_message(const Status& status, std::int64_t utc_us) {
+  recorder_t out{};
+  out.utc_us = utc_us;
+  out.file = status.recording->file.string();
+  out.part = status.recording->part;
+  out.file_bytes = signed_of(status.recording->file_bytes);
+  out.bytes = signed_of(status.recording->bytes);
+  out.length_us = status.recording->length_us;
+  out.free_bytes = status.free_bytes ? signed_of(*status.free_bytes) : -1;
+  out.failing = static_cast<std::int8_t>(status.recording_failing);
+  return message_of(protocol::recorder_channel, out, utc_us);
 }
 
 Message event_message(const Event& event, std::int64_t utc_us) {

@@ -23,6 +23,8 @@ namespace stickslip::daemon {
 Message status_message(const Status& status, std::int64_t utc_us);
 /// The histograms, up to the longest duration that any of them counted.
 Message timing_message(const Timing& timing, std::int64_t utc_us);
+/// Of a daemon that records: `status.recording` is present.
+Message recorder_message(const Status& status, std::int64_t utc_us);
 /// Enters the ledger into a status message.
 void set_ledger(const Balance& ledger, status_t& status);
 

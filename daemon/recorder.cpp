@@ -152,6 +152,7 @@ class RecordingWriter final : public MessageWriter {
     if (status) status_withheld_ = !appended;
     if (frames && appended) {
       if (!part_began_us_) part_began_us_ = latest_us_;
+      if (!began_us_) began_us_ = latest_us_;
       unflushed_frames_ += protocol::frames_in(bytes);
     }
     // An append is only buffered: recovery is reported by a successful flush.
@@ -176,6 +177,7 @@ class RecordingWriter final : public MessageWriter {
     } else {
       replace(place);
     }
+    note_progress();
     return written;
   }
 
@@ -190,8 +192,13 @@ class RecordingWriter final : public MessageWriter {
   }
 
   std::vector<Event> take_events() override {
-    const std::lock_guard lock(events_lock_);
+    const std::lock_guard lock(shared_lock_);
     return std::exchange(events_, {});
+  }
+
+  std::optional<RecordingProgress> progress() const override {
+    const std::lock_guard lock(shared_lock_);
+    return progress_;
   }
 
  private:
@@ -282,6 +289,7 @@ class RecordingWriter final : public MessageWriter {
         sync_folder_of(file);
       }
       static_cast<void>(log_.close());  // all of it was flushed
+      earlier_bytes_ += log_.bytes_written();
       log_ = std::move(log);
       if (info_) info_ = std::move(next);
       info_written_ = info_.has_value();
@@ -318,8 +326,17 @@ class RecordingWriter final : public MessageWriter {
     }
   }
 
+  void note_progress() {
+    const std::lock_guard lock(shared_lock_);
+    progress_.file = name_;
+    progress_.part = info_ ? static_cast<std::int32_t>(info_->part) : 0;
+    progress_.file_bytes = log_.bytes_written();
+    progress_.bytes = earlier_bytes_ + progress_.file_bytes;
+    progress_.length_us = latest_us_ - began_us_.value_or(latest_us_);
+  }
+
   void add_event(Severity severity, const char* code, const std::string& message) {
-    const std::lock_guard lock(events_lock_);
+    const std::lock_guard lock(shared_lock_);
     events_.push_back({severity, code, message});
   }
 
@@ -401,8 +418,11 @@ class RecordingWriter final : public MessageWriter {
   bool rotation_failure_reported_ = false;
   bool missing_reported_ = false;
   Clock::time_point replace_again_;
-  std::mutex events_lock_;  // never taken by the loop
+  std::optional<std::int64_t> began_us_;  // the first block of all parts
+  std::uint64_t earlier_bytes_ = 0;       // in earlier parts
+  mutable std::mutex shared_lock_;        // of what follows; never taken by the loop
   std::vector<Event> events_;
+  RecordingProgress progress_;
 };
 
 }  // namespace

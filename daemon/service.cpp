@@ -550,7 +550,12 @@ Status Service::status(const Loop& loop) {
   for (const Consumer* consumer : {publisher_.get(), recorder_.get()}) {
     if (consumer != nullptr) out.lost_messages += consumer->stream.lost_messages();
   }
-  out.recording_failing = recorder_ && recorder_->stream.failing();
+  if (!recorder_) return out;
+  out.recording_failing = recorder_->stream.failing();
+  out.recording = recorder_->writer->progress();
+  std::error_code error;
+  const auto space = std::filesystem::space(out.recording->file, error);
+  if (!error) out.free_bytes = space.available;
   return out;
 }
 
@@ -571,6 +576,7 @@ void Service::publish_status(const Loop& loop) {
   // The status comes last, so that a recording ends with its ledger.
   send(timing_message(loop.timing(), utc_us()));
   send(status_message(now, utc_us()));
+  if (publisher_ && now.recording) publisher_->stream.send(recorder_message(now, utc_us()));
   if (control_ != nullptr) control_->publish(now);
   write_metrics_of(now);
   const std::string line = std::string("STATUS=") + name_of(now.state) + ", " +

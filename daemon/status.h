@@ -8,6 +8,7 @@
 
 #include "daemon/ledger.h"
 #include "daemon/loop.h"
+#include "daemon/message_writer.h"
 #include "daemon/safety.h"
 #include "daemon/timing.h"
 #include "diagnosis/live_check.h"
@@ -51,6 +52,8 @@ struct Status {
   drivers::Counts devices;                      ///< the devices' own counts
   std::optional<diagnosis::LiveVerdict> model;  ///< of the live model check; absent: off
   bool recording_failing = false;               ///< frames are being lost by the recording
+  std::optional<RecordingProgress> recording;   ///< absent: nothing is recorded
+  std::optional<std::uint64_t> free_bytes;      ///< on the disk of the recording
   std::uint64_t lost_messages = 0;              ///< events, estimates and status messages
 };
 

@@ -14,6 +14,7 @@ inline constexpr const char* status_channel = "STICKSLIP_STATUS";
 inline constexpr const char* timing_channel = "STICKSLIP_TIMING";
 inline constexpr const char* event_channel = "STICKSLIP_EVENT";
 inline constexpr const char* recording_channel = "STICKSLIP_RECORDING";
+inline constexpr const char* recorder_channel = "STICKSLIP_RECORDER";
 
 /// Code of the event that the rig's model was changed while it runs.
 inline constexpr const char* model_changed_code = "model_changed";
@@ -27,7 +28,7 @@ struct LcmChannel {
   std::string_view rate;
 };
 
-inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
+inline constexpr std::array<LcmChannel, 8> lcm_channels = {{
     {frames_channel, "frame_block_t", "one per block of frames"},
     {estimate_channel, "friction_estimate_t", "one per block, after its last frame"},
     {excitation_channel, "excitation_t", "every 0.1 s, of all frames since"},
@@ -35,6 +36,7 @@ inline constexpr std::array<LcmChannel, 7> lcm_channels = {{
     {timing_channel, "timing_t", "once a second"},
     {event_channel, "event_t", "at each event"},
     {recording_channel, "recording_info_t", "at the start and every 2 s"},
+    {recorder_channel, "recorder_t", "once a second, of a daemon that records"},
 }};
 
 }  // namespace stickslip::protocol

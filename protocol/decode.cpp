@@ -198,4 +198,11 @@ bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message) {
   return walk.inside() && decode_whole(bytes, message);
 }
 
+bool decode(std::span<const std::uint8_t> bytes, recorder_t& message) {
+  Walk walk(bytes);
+  walk.skip(number);
+  walk.text();
+  return walk.inside() && decode_whole(bytes, message);
+}
+
 }  // namespace stickslip::protocol

@@ -8,6 +8,7 @@
 #include <stickslip/excitation_t.hpp>
 #include <stickslip/frame_block_t.hpp>
 #include <stickslip/friction_estimate_t.hpp>
+#include <stickslip/recorder_t.hpp>
 #include <stickslip/recording_info_t.hpp>
 #include <stickslip/status_t.hpp>
 #include <stickslip/timing_t.hpp>
@@ -26,5 +27,6 @@ bool decode(std::span<const std::uint8_t> bytes, status_t& message);
 bool decode(std::span<const std::uint8_t> bytes, timing_t& message);
 bool decode(std::span<const std::uint8_t> bytes, event_t& message);
 bool decode(std::span<const std::uint8_t> bytes, recording_info_t& message);
+bool decode(std::span<const std::uint8_t> bytes, recorder_t& message);
 
 }  // namespace stickslip::protocol

@@ -46,6 +46,7 @@ class Content {
     if (channel == event_channel) valid = decode(event.data, note);
     if (channel == estimate_channel) valid = decode(event.data, estimate_);
     if (channel == excitation_channel) valid = decode(event.data, excitation_);
+    if (channel == recorder_channel) valid = decode(event.data, recorder_);
     return valid ? Validity::yes : Validity::undecodable;
   }
 
@@ -72,6 +73,7 @@ class Content {
   frame_block_t block_{};
   friction_estimate_t estimate_{};
   excitation_t excitation_{};
+  recorder_t recorder_{};
 };
 
 /// Receiver of the items of a log.

@@ -538,6 +538,14 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   assert.match(await text(page, "#ledger"), /on its way\s+10\s+20/);
   const recording = page.locator("#recording-chip");
   assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording", "good"]);
+  const recorded = (free_bytes) => page.evaluate((free_bytes) => feed.text({ type: "recorder", utc_us: 1.7e15, file: "/data/run.001.log",
+    part: 1, file_bytes: 4e6, bytes: 1e7, length_us: 3.725e9, free_bytes, failing: false }), free_bytes);
+  await recorded(4e11);
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording 1:02:05", "good"]);
+  assert.match(await text(page, "#recording"), /file\s+run\.001\.log\s+length\s+1:02:05\s+size\s+10\.0 MB\s+left on its disk\s+1724 days \(400 GB\)/);
+  await recorded(1e6);
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording 1:02:05, 6:12 left", "warn"]);
+  await recorded(4e11);
   assert.match(await text(page, "#verdict"), /✕ The rig does not follow its model: residuals have 4 times/);
   await page.evaluate(() => feed.event(1, "model_explained", "probable cause of the model mismatch: mu is 0.9", 1.705e15));
   assert.match(await text(page, "#verdict"), /✕ Probable cause of the model mismatch: mu is 0\.9\. First report: the rig does not follow its model/);

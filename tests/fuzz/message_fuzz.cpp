@@ -33,5 +33,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try_as<timing_t>(bytes);
   try_as<event_t>(bytes);
   try_as<recording_info_t>(bytes);
+  try_as<recorder_t>(bytes);
   return 0;
 }

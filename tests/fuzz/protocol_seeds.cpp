@@ -112,6 +112,9 @@ void write_seeds(const std::filesystem::path& folder) {
   recording_info_t info{};
   info.configuration = "[rig]\n";
   write(messages / "recording_info", info);
+  recorder_t recorder{};
+  recorder.file = "run.log";
+  write(messages / "recorder", recorder);
 }
 
 }  // namespace

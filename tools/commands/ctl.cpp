@@ -100,6 +100,21 @@ void print_counts(const json& devices) {
   }
 }
 
+void print_recording(const json& status) {
+  print_line("recording", account_text(status.at("ledger").at("recorded"), "recorded"));
+  const auto found = status.find("recording");
+  if (found == status.end() || found->is_null()) return;
+  const double megabytes = 1e-6 * found->value("bytes", 0.0);
+  std::string text = found->value("file", "") + ", " +
+                     physics::number_text(found->value("length_s", 0.0), 4) + " s, " +
+                     physics::number_text(megabytes, 4) + " MB";
+  const json& free_bytes = found->at("free_bytes");
+  if (free_bytes.is_number()) {
+    text += "; " + physics::number_text(1e-9 * free_bytes.get<double>(), 4) + " GB free";
+  }
+  print_line("", text);
+}
+
 void print_status(const json& answer, const Paint& paint) {
   print_state(answer, paint);
   print_line("amplifier", answer.value("amplifier_on", false) ? "on" : "off");
@@ -119,7 +134,7 @@ void print_status(const json& answer, const Paint& paint) {
                            " produced in " +
                            physics::number_text(status.value("uptime_s", 0.0), 6) + " s");
   print_line("publishing", account_text(ledger.at("published"), "published"));
-  print_line("recording", account_text(ledger.at("recorded"), "recorded"));
+  print_recording(status);
   if (const auto source = status.find("source"); source != status.end()) {
     print_counts(source->value("devices", json::object()));
   }

@@ -58,6 +58,8 @@ void LiveFeed::take(std::string_view channel, std::span<const std::uint8_t> byte
     if (undecoded_ == before) status_at_ = now;
   } else if (channel == protocol::timing_channel) {
     take_as(timing_t{}, encode_timing, timing_);
+  } else if (channel == protocol::recorder_channel) {
+    take_as(recorder_t{}, encode_recorder, recorder_);
   }
 }
 
@@ -97,6 +99,7 @@ void LiveFeed::reset_run() {
   times_.clear();
   estimate_.reset();
   timing_.reset();
+  recorder_.reset();
   verdicts_.clear();
   send(shared_message(encode_restart()));
 }
@@ -179,6 +182,7 @@ std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
   for (const SharedMessage& message : history_.messages()) append(message);
   append(status_);
   append(timing_);
+  append(recorder_);
   append(estimate_);
   for (const Verdict& verdict : verdicts_) append(verdict.event);
   append(alive(now));

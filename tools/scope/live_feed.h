@@ -75,6 +75,7 @@ class LiveFeed {
   SharedMessage estimate_;
   SharedMessage status_;
   SharedMessage timing_;
+  SharedMessage recorder_;
   struct Verdict {
     std::string code;
     SharedMessage event;

@@ -239,6 +239,19 @@ Message encode_timing(const timing_t& t) {
                       Keep::may_be_lost);
 }
 
+Message encode_recorder(const recorder_t& r) {
+  return text_message({{"type", "recorder"},
+                       {"utc_us", r.utc_us},
+                       {"file", r.file},
+                       {"part", r.part},
+                       {"file_bytes", r.file_bytes},
+                       {"bytes", r.bytes},
+                       {"length_us", r.length_us},
+                       {"free_bytes", r.free_bytes},
+                       {"failing", r.failing != 0}},
+                      Keep::may_be_lost);
+}
+
 Message encode_event(const event_t& e) {
   return text_message({{"type", "event"},
                        {"utc_us", e.utc_us},

@@ -9,6 +9,7 @@
 #include <stickslip/event_t.hpp>
 #include <stickslip/excitation_t.hpp>
 #include <stickslip/friction_estimate_t.hpp>
+#include <stickslip/recorder_t.hpp>
 #include <stickslip/status_t.hpp>
 #include <stickslip/timing_t.hpp>
 #include <string>
@@ -61,6 +62,7 @@ Message encode_excitation(const excitation_t& excitation,
 
 Message encode_status(const status_t& status);
 Message encode_timing(const timing_t& timing);
+Message encode_recorder(const recorder_t& recorder);
 Message encode_event(const event_t& event);
 
 /// `connected`: frames are arriving. `silent_s`: time since the last one.

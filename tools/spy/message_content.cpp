@@ -109,6 +109,20 @@ void summarise(const timing_t& timing, Content& out) {
   out.summary = physics::counted(timing.cycles, "cycle");
 }
 
+void summarise(const recorder_t& recorder, Content& out) {
+  const double length_s = static_cast<double>(recorder.length_us) * 1e-6;
+  const double megabytes = static_cast<double>(recorder.bytes) * 1e-6;
+  out.readings = {{"length", "s", length_s}, {"size", "MB", megabytes}};
+  out.summary =
+      recorder.file + ", " + text("%.1f", length_s) + " s, " + text("%.4g", megabytes) + " MB";
+  if (recorder.free_bytes >= 0) {
+    const double free_gb = static_cast<double>(recorder.free_bytes) * 1e-9;
+    out.readings.push_back({"free", "GB", free_gb});
+    out.summary += ", " + text("%.4g", free_gb) + " GB free";
+  }
+  if (recorder.failing) out.tone = Tone::bad;
+}
+
 void summarise(const event_t& event, Content& out) {
   out.summary = event.code + ": " + event.message;
   constexpr std::array tones = {Tone::plain, Tone::warning, Tone::bad};
@@ -155,6 +169,7 @@ std::span<const Type> types() {
       Type{"status_t", status_t::getHash(), read_as<status_t>},
       Type{"timing_t", timing_t::getHash(), read_as<timing_t>},
       Type{"event_t", event_t::getHash(), read_as<event_t>},
+      Type{"recorder_t", recorder_t::getHash(), read_as<recorder_t>},
       Type{"recording_info_t", recording_info_t::getHash(), read_as<recording_info_t>}};
   return all;
 }

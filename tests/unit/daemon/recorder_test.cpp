@@ -197,6 +197,24 @@ TEST_F(RecorderTest, RotatesAtTheFirstBlockAfterTheDuration) {
   expect_one_recording(3050);
 }
 
+TEST_F(RecorderTest, ReportsHowFarAllPartsAre) {
+  open({.rotate_s = 1.0});
+  flush();
+  EXPECT_EQ(writer_->progress()->length_us, 0);
+  for (int i = 0; i < 250; ++i) write_block();
+  flush();
+  const RecordingProgress now = writer_->progress().value();
+  ASSERT_EQ(parts().size(), 3U);
+  EXPECT_EQ(now.file, parts()[2]);
+  EXPECT_EQ(now.part, 2);
+  EXPECT_EQ(now.length_us, 2'490'000);  // between the last frames of the first and the latest block
+  std::uintmax_t bytes = 0;
+  for (const auto& part : parts()) bytes += std::filesystem::file_size(part);
+  EXPECT_EQ(now.bytes, bytes);
+  EXPECT_EQ(now.file_bytes, std::filesystem::file_size(parts()[2]));
+  EXPECT_TRUE(finish());
+}
+
 TEST_F(RecorderTest, RotatesAtTheSizeLimit) {
   open({.rotate_mb = 0.05});
   for (int i = 0; i < 300; ++i) {

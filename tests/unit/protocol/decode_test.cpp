@@ -91,6 +91,14 @@ recording_info_t some(recording_info_t) {
   return info;
 }
 
+recorder_t some(recorder_t) {
+  recorder_t recorder{};
+  recorder.file = "/data/run.001.log";
+  recorder.part = 1;
+  recorder.free_bytes = -1;
+  return recorder;
+}
+
 void write_int32(Bytes& bytes, std::size_t at, std::uint32_t value) {
   for (std::size_t i = 0; i < 4; ++i) {
     bytes[at + i] = static_cast<std::uint8_t>(value >> (24U - 8U * i));
@@ -107,7 +115,7 @@ Bytes with_text_length(Bytes bytes, const std::string& text, std::uint32_t lengt
 template <class Message>
 class Decode : public testing::Test {};
 using Messages = testing::Types<frame_block_t, friction_estimate_t, excitation_t, status_t,
-                                timing_t, event_t, recording_info_t>;
+                                timing_t, event_t, recording_info_t, recorder_t>;
 TYPED_TEST_SUITE(Decode, Messages);
 
 TYPED_TEST(Decode, AcceptsEncodedMessages) {

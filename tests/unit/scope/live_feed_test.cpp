@@ -164,7 +164,7 @@ TEST_F(LiveFeedTest, CountsAndDropsUndecodableMessages) {
   feed.take("STICKSLIP_OF_LATER", rubbish, 0.0, now);
   feed.take("SOMETHING", rubbish, 0.0, now);
   EXPECT_EQ(types(), Types{});
-  EXPECT_EQ(feed.undecoded(), 14U);
+  EXPECT_EQ(feed.undecoded(), 2 * protocol::lcm_channels.size());
   frames(frames_from(11, 10));
   EXPECT_EQ(types(), Types{"frames"});
 }
@@ -196,6 +196,7 @@ TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   take(protocol::recording_channel, description);
   take(protocol::status_channel, status_t{});
   take(protocol::timing_channel, timing_t{});
+  take(protocol::recorder_channel, recorder_t{});
   take(protocol::estimate_channel, friction_estimate_t{});
   take(protocol::event_channel, event_of("started"));
   take(protocol::event_channel, event_of("model_follows"));
@@ -205,13 +206,14 @@ TEST_F(LiveFeedTest, GreetsWithThePresentState) {
   take(protocol::event_channel, event_of("model_follows"));
   frames(frames_from(1, 1500));
   const auto greeting = feed.greeting(now);
-  EXPECT_EQ(types_of(greeting), (Types{"hello", "model", "source", "frames", "frames", "status",
-                                       "timing", "estimate", "event", "event", "event", "alive"}));
+  EXPECT_EQ(types_of(greeting),
+            (Types{"hello", "model", "source", "frames", "frames", "status", "timing", "recorder",
+                   "estimate", "event", "event", "event", "alive"}));
   EXPECT_EQ(read_json(*greeting[1])["rig"], "a rig");
   EXPECT_EQ(read_json(*greeting[1])["marks"].size(), 2U);
-  EXPECT_EQ(read_json(*greeting[8])["code"], "model_broken");
-  EXPECT_EQ(read_json(*greeting[9])["code"], "model_explained");
-  EXPECT_EQ(read_json(*greeting[10])["code"], "model_follows") << "the current one is last";
+  EXPECT_EQ(read_json(*greeting[9])["code"], "model_broken");
+  EXPECT_EQ(read_json(*greeting[10])["code"], "model_explained");
+  EXPECT_EQ(read_json(*greeting[11])["code"], "model_follows") << "the current one is last";
   EXPECT_EQ(read_block(*greeting[3]).flags, 2U);
 }
 

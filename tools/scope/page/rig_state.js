@@ -4,6 +4,7 @@
 import { roundStep, eachTick, fitCanvas } from "./axes.js";
 import { Facts, byId, setState, setText, tableRow, watchVisible } from "./elements.js";
 import { Events } from "./events.js";
+import { RecordingState } from "./recording.js";
 import { count, duration, number } from "./units.js";
 
 const stateMarks = { faulted: "bad", idle: "unknown", armed: "warn", running: "good", stopping: "warn" };
@@ -18,6 +19,7 @@ export class RigState {
     this.timing = null;
     this.excitationFacts = new Facts(byId("excitation"));
     this.clockFacts = new Facts(byId("clockwork"));
+    this.recording = new RecordingState();
     this.histograms = [...document.querySelectorAll("[data-timing]")].map((figure) => {
       const canvas = figure.querySelector("canvas");
       return { name: figure.dataset.timing, figure, canvas, context: canvas.getContext("2d"), note: figure.querySelector("p") };
@@ -54,6 +56,7 @@ export class RigState {
     else if (message.type === "timing") { this.timing = message; this.drawTiming(); }
     else if (message.type === "event") this.#takeEvent(message);
     else if (message.type === "excitation") this.excitation = message;
+    else if (message.type === "recorder") this.#takeRecorder(message);
     else if (message.type === "model") setText(byId("rig-name"), message.rig || "scope");
   }
 
@@ -63,6 +66,7 @@ export class RigState {
     this.verdict = null;
     this.logEvent = undefined;
     this.events.clear();
+    this.recording.clear();
     this.#setChip("verdict", "model not judged", "unknown");
     setText(byId("verdict"), "The live model check has not reported yet.");
     setState(byId("verdict"), "unknown");
@@ -85,15 +89,24 @@ export class RigState {
     this.#showClock(status);
   }
 
+  #takeRecorder(message) {
+    const before = this.recording.endsSoon;
+    this.recording.take(message);
+    if (this.recording.endsSoon && !before) this.app.say("The disk of the recording is nearly full.");
+    if (this.status) this.#showRecording(this.status, this.status);
+  }
+
   // Bad while frames are lost or the log is missing; a loss stays visible to the end of the recording.
   #showRecording(status, previous) {
     const lost = sum(status.record_loss);
     const lostBefore = sum(previous?.record_loss);
     const losing = lost > (lostBefore <= lost ? lostBefore : 0);
     const missing = this.logEvent?.code === "log_missing";
+    const { summary, endsSoon } = this.recording;
     const text = !status.recording ? "not recorded" : losing ? `recording loses frames: ${count(lost)}` : missing ? "log missing"
-      : lost > 0 ? `recording, ${count(lost)} lost` : "recording";
-    this.#setChip("recording", text, !status.recording ? "unknown" : losing || missing ? "bad" : lost > 0 ? "warn" : "good");
+      : lost > 0 ? `recording${summary}, ${count(lost)} lost` : `recording${summary}`;
+    const warned = lost > 0 || endsSoon;
+    this.#setChip("recording", text, !status.recording ? "unknown" : losing || missing ? "bad" : warned ? "warn" : "good");
     if (status.recording && losing && !this.losing) this.app.say("The recording loses frames.");
     this.losing = losing;
   }
