@@ -4,39 +4,10 @@
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
-import { after, before, test } from "node:test";
-import { drawn, held, openPage, run, startBrowser, startScope, stickslip, temporaryFolder, until } from "./programs.mjs";
+import { test } from "node:test";
+import { close, ink, near, open, state, text } from "./fed_page.mjs";
+import { drawn, held, run, stickslip, temporaryFolder, until } from "./programs.mjs";
 
-let scope;
-let browser;
-
-before(async () => {
-  scope = await startScope();
-  browser = await startBrowser();
-});
-
-after(async () => {
-  await browser?.close();
-  await scope?.stop();
-});
-
-async function open(options = {}, query = "?webgl=0") {
-  const page = await openPage(browser, scope.url + query, { fake: true, ...options });
-  await page.evaluate(() => feed.open());
-  return page;
-}
-
-// Closes a page, which must have had no errors and no requests to other servers.
-async function close(page) {
-  await page.context().close();
-  assert.deepEqual(page.complaints, []);
-  assert.deepEqual(page.elsewhere, []);
-}
-
-const state = (page) => page.evaluate(() => stickslip.state());
-const ink = (page, name) => page.evaluate((name) => stickslip.ink(name), name);
-const text = (page, selector) => page.locator(selector).innerText();
-const near = (a, b, tolerance, message) => assert.ok(Math.abs(a - b) <= tolerance, `${message ?? ""} ${a} is not ${b} within ${tolerance}`);
 // Values that are identical on every machine, bit for bit, unlike a sine.
 const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
 const signal = (channel, t) => Math.sin(2 * Math.PI * 2 * t) * (channel + 1);

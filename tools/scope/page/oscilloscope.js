@@ -3,6 +3,7 @@
 
 import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
+import { Hover } from "./hover.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
 import { channels, clockTick, clockTime, decimalsFor, duration, fixed, number, tick } from "./units.js";
@@ -43,6 +44,7 @@ export class Oscilloscope {
     this.#buildControls();
     this.#buildReadings();
     this.#listen();
+    this.hover = new Hover(this);
     this.layout();
   }
 
@@ -135,6 +137,7 @@ export class Oscilloscope {
     this.#drawTraces();
     this.#drawAxes();
     this.#placeHandles();
+    this.hover.draw(frames);
   }
 
   // Rows of the frames at each edge of a column of one pixel. Columns start at whole multiples of their
@@ -304,6 +307,19 @@ export class Oscilloscope {
     if (this.#inUtc(frames)) return frames.utc_ms / 1e3;
     return frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
   }
+
+  // A time on screen by the chosen clock, to a ten-thousandth of the screen.
+  timeText(frames, at_ns) {
+    const step = this.span_ns / 1e9 / 1e4;
+    const at_s = at_ns / 1e9 + this.#origin_s(frames);
+    return this.#inUtc(frames) ? clockTick(at_s, step) : tick(at_s, step);
+  }
+
+  // Its unit.
+  timeUnit(frames) { return this.held ? "s after trigger" : this.#inUtc(frames) ? "UTC" : "s"; }
+
+  // A value [SI] of a lane in its unit, with a decimal more than the readings have.
+  valueText(lane, value) { return fixed(value * this.#factor(lane), Math.min(9, lane.decimals + 1)); }
 
   #inUtc(frames) { return !this.held && this.app.clock === "utc" && frames.utc_ms === frames.utc_ms; }
 
@@ -540,27 +556,23 @@ export class Oscilloscope {
 
   #updateCursors(frames) {
     const [a, b] = [this.cursorTime_ns(0), this.cursorTime_ns(1)];
-    const origin_s = this.#origin_s(frames);
-    const utc = this.#inUtc(frames);
-    const step = this.span_ns / 1e9 / 1e4;
+    const unit = this.timeUnit(frames);
     const write = (row, ...texts) => texts.forEach((text, i) => setText(row.cells[i + 1], text));
-    const text = (at_ns) => (utc ? clockTick(at_ns / 1e9 + origin_s, step) : tick(at_ns / 1e9 + origin_s, step));
-    setText(this.cursorTime.cells[0], utc ? "UTC" : "t (s)");
-    write(this.cursorTime, text(a), text(b), number((b - a) / 1e9, 5));
+    setText(this.cursorTime.cells[0], unit === "UTC" ? unit : "t (s)");
+    write(this.cursorTime, this.timeText(frames, a), this.timeText(frames, b), number((b - a) / 1e9, 5));
     write(this.cursorRate, "", "", a === b ? "–" : number(1e9 / Math.abs(b - a), 5));
     this.cursors.forEach((cursor, i) => {
-      const time = text(i === 0 ? a : b) + (utc ? " UTC" : " s");
+      const time = `${this.timeText(frames, i === 0 ? a : b)} ${unit === "UTC" ? unit : "s"}`;
       cursor.element.setAttribute("aria-valuenow", cursor.part.toFixed(4));
       cursor.element.setAttribute("aria-valuetext", time);
     });
     for (const lane of this.lanes) {
       lane.cursorRow.hidden = !lane.visible;
       if (!lane.visible) continue;
-      const factor = this.#factor(lane);
-      const atA = frames.valueAt(lane.index, a) * factor;
-      const atB = frames.valueAt(lane.index, b) * factor;
+      const atA = frames.valueAt(lane.index, a);
+      const atB = frames.valueAt(lane.index, b);
       setText(lane.cursorRow.cells[0], `${lane.channel.symbol} (${this.app.units.label(lane.channel.quantity)})`);
-      write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => fixed(value, Math.min(9, lane.decimals + 1))));
+      write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => this.valueText(lane, value)));
     }
   }
 
@@ -736,7 +748,7 @@ export class Oscilloscope {
     this.levelHandle.setAttribute("aria-valuetext", `${number(trigger.level * this.#factor(lane))} ${unit}`);
   }
 
-  #partOf(event) {
+  partOf(event) {
     const box = this.screen.getBoundingClientRect();
     return (event.clientX - box.left - this.gutter) / this.plotWidth;
   }
@@ -756,11 +768,11 @@ export class Oscilloscope {
       const factor = Math.exp(Math.max(-0.5, Math.min(0.5, turn * 0.0015)));
       const lane = this.#laneAt(event);
       if (event.shiftKey && lane) this.scaleLane(lane.index, factor);
-      else this.setSpan(this.span_s * factor, this.#partOf(event));
+      else this.setSpan(this.span_s * factor, this.partOf(event));
     }, { passive: false });
     screen.addEventListener("dblclick", () => this.reset());
     this.#drag(screen, (event, start) => {
-      const part = this.#partOf(event);
+      const part = this.partOf(event);
       if (event.type === "pointerdown") { this.dragPart = part; return; }
       if (Math.abs(part - this.dragPart) * this.plotWidth < 3 && !start.moved) return;
       start.moved = true;
@@ -768,7 +780,7 @@ export class Oscilloscope {
       this.dragPart = part;
     });
     this.cursors.forEach((cursor, i) => {
-      this.#drag(cursor.element, (event) => { if (event.type === "pointermove") this.moveCursor(i, this.#partOf(event)); });
+      this.#drag(cursor.element, (event) => { if (event.type === "pointermove") this.moveCursor(i, this.partOf(event)); });
       cursor.element.addEventListener("keydown", (event) => {
         const step = event.shiftKey ? 20 : 1;
         const moves = { ArrowLeft: -step, ArrowRight: step };
