@@ -110,7 +110,7 @@ function drawn(app, name) {
     return { points, first, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
-    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
+    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], phase: spectrum.data?.[2] ?? null, coherence: spectrum.data?.[3] ?? null, segments: spectrum.welch?.segments ?? 0, length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
   }
   const estimate = estimates.figures.find((one) => one.name === name);
   if (estimate) {
