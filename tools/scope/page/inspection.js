@@ -92,7 +92,7 @@ function drawn(app, name) {
   const lane = scope.lanes.find(({ channel }) => channel.key === name);
   if (lane) {
     return {
-      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [],
+      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [], title: lane.title, numbers: lane.numbers ?? [],
       left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
       plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
     };

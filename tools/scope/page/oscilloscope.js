@@ -3,10 +3,13 @@
 
 import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
+import { ExpressionField } from "./expression_field.js";
 import { Hover } from "./hover.js";
+import { drawTitle } from "./lane_title.js";
+import { Measurement } from "./measurement.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
-import { channels, clockTick, clockTime, decimalsFor, duration, fixed, number, tick } from "./units.js";
+import { channels, clockTick, clockTime, decimalsFor, duration, fixed, measuredCount, number, tick, withUnit } from "./units.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
 const maxPoints = 16384;
@@ -28,7 +31,7 @@ export class Oscilloscope {
     this.held = false; // the display is frozen at a trigger
     this.lanes = channels.map((channel, index) => ({
       index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3,
+      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3, measured: new Measurement(),
     }));
     this.shown = [];
     this.low = new Float64Array(maxPoints);
@@ -45,18 +48,20 @@ export class Oscilloscope {
     this.#buildReadings();
     this.#listen();
     this.hover = new Hover(this);
+    this.expression = new ExpressionField(this.app, this.lanes.at(-1));
     this.layout();
   }
 
   #restore() {
     const kept = this.app.settings.get("oscilloscope") ?? {};
     if (kept.span_s >= shortest_s && kept.span_s <= longest_s) this.span_s = kept.span_s;
-    for (const lane of this.lanes) lane.wanted = !(kept.hidden ?? []).includes(lane.channel.key);
+    // At first, all that are measured.
+    for (const lane of this.lanes) lane.wanted = kept.shown?.includes(lane.channel.key) ?? lane.index < measuredCount;
   }
 
   #keep() {
-    const hidden = this.lanes.filter((lane) => !lane.wanted).map((lane) => lane.channel.key);
-    this.app.settings.set("oscilloscope", { span_s: this.span_s, hidden });
+    const shown = this.lanes.filter((lane) => lane.wanted).map((lane) => lane.channel.key);
+    this.app.settings.set("oscilloscope", { span_s: this.span_s, shown });
   }
 
   // --- visible range -------------------------------------------------------------------------------
@@ -97,7 +102,7 @@ export class Oscilloscope {
     let count = 0;
     for (const lane of this.lanes) {
       if (!lane.present) {
-        frames.extremes(lane.index, Math.max(frames.begin, frames.end - 2000), frames.end, this.pair);
+        frames.extremes(lane.index, frames.begin, frames.end, this.pair);
         lane.present = this.pair[0] <= this.pair[1];
       }
       lane.visible = lane.wanted && lane.present;
@@ -363,7 +368,7 @@ export class Oscilloscope {
   }
 
   #drawLane(axes, lane) {
-    const { colours, channel: traceColours, small, font, bold } = this.app.theme;
+    const { colours, small } = this.app.theme;
     const { limits, top, height, edge } = lane;
     if (edge > 0) {
       axes.strokeStyle = colours["strong-line"];
@@ -389,17 +394,7 @@ export class Oscilloscope {
       });
       axes.stroke();
     }
-    axes.textAlign = "left";
-    axes.textBaseline = "top";
-    axes.font = bold;
-    axes.fillStyle = traceColours[lane.index];
-    const unit = this.app.units.label(lane.channel.quantity);
-    lane.title = `${lane.channel.symbol}  ${lane.channel.name.toLowerCase()} (${unit})${lane.manual ? ", fixed scale" : ""}`;
-    axes.fillStyle = colours.panel;
-    axes.fillRect(this.gutter + 1, edge + 1, this.plotWidth - 2, this.titleHeight - 1);
-    axes.fillStyle = traceColours[lane.index];
-    axes.fillText(lane.title, this.gutter + 7, edge + 3);
-    axes.font = font;
+    drawTitle(axes, lane, this);
   }
 
   #drawTriggerLine(axes, colour) {
@@ -477,16 +472,16 @@ export class Oscilloscope {
     for (const lane of this.lanes) {
       lane.row.hidden = !lane.present;
       if (!lane.present) continue;
-      this.#measure(lane, frames, from, to);
+      lane.measured.take(frames, lane.index, from, to);
       const factor = this.#factor(lane);
       const unit = this.app.units.label(lane.channel.quantity);
       const { last, low, high, mean, rms } = lane.measured;
       // Of the scale, which does not jitter.
       lane.decimals = decimalsFor(lane.limits.known ? Math.max(Math.abs(lane.limits.low), Math.abs(lane.limits.high)) : NaN);
-      setText(lane.button, `${lane.channel.name} (${unit})`);
+      setText(lane.button, withUnit(lane.channel.name, unit));
       const cells = lane.row.cells;
       [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], fixed(value * factor, lane.decimals)));
-      readings.push(`${lane.channel.name.toLowerCase()} ${fixed(last * factor, lane.decimals)} ${unit}`);
+      if (lane.wanted) readings.push(`${lane.channel.name.toLowerCase()} ${fixed(last * factor, lane.decimals)} ${unit}`);
     }
     this.summary = readings.length === 0 ? "No frames received yet." : readings.join(", ");
     const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
@@ -521,35 +516,6 @@ export class Oscilloscope {
     return (stepped[(to - 1) & frames.mask] - stepped[from & frames.mask]) / 1e9;
   }
 
-  #measure(lane, frames, from, to) {
-    const data = frames.values[lane.index];
-    const { mask } = frames;
-    let count = 0;
-    let sum = 0;
-    let low = Infinity;
-    let high = -Infinity;
-    for (let row = from; row < to; ++row) {
-      const value = data[row & mask];
-      if (value !== value) continue;
-      count += 1;
-      sum += value;
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-    const mean = sum / count;
-    let square = 0;
-    for (let row = from; row < to; ++row) {
-      const value = data[row & mask];
-      if (value === value) square += (value - mean) * (value - mean);
-    }
-    lane.measured ??= {};
-    lane.measured.last = frames.empty ? NaN : data[(frames.end - 1) & mask];
-    lane.measured.low = low;
-    lane.measured.high = high;
-    lane.measured.mean = mean;
-    lane.measured.rms = Math.sqrt(square / count);
-  }
-
   // --- cursors -------------------------------------------------------------------------------------
 
   cursorTime_ns(index) { return this.left_ns + this.cursors[index].part * this.span_ns; }
@@ -571,7 +537,7 @@ export class Oscilloscope {
       if (!lane.visible) continue;
       const atA = frames.valueAt(lane.index, a);
       const atB = frames.valueAt(lane.index, b);
-      setText(lane.cursorRow.cells[0], `${lane.channel.symbol} (${this.app.units.label(lane.channel.quantity)})`);
+      setText(lane.cursorRow.cells[0], withUnit(lane.channel.symbol, this.app.units.label(lane.channel.quantity)));
       write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => this.valueText(lane, value)));
     }
   }
@@ -608,6 +574,14 @@ export class Oscilloscope {
     lane.wanted = !lane.wanted;
     setPressed(lane.button, lane.wanted);
     this.#keep();
+    this.app.touch();
+  }
+
+  // Shows a lane whose data is other than before.
+  renewLane(lane, wanted) {
+    lane.present = false;
+    lane.limits.reset();
+    if (wanted !== lane.wanted) this.toggleLane(lane.index);
     this.app.touch();
   }
 

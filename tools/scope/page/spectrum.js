@@ -4,7 +4,7 @@
 import { decadeRange, decades, frequencyAxis } from "./decades.js";
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";
 import { ResponsePlots, respond } from "./response.js";
-import { channels, duration, fixed, number } from "./units.js";
+import { channels, duration, fixed, number, withUnit } from "./units.js";
 import uPlot from "./uPlot.esm.js";
 import { Welch, averages, gather } from "./welch.js";
 
@@ -152,8 +152,8 @@ export class Spectrum {
   // The unit of what is drawn.
   get unit() {
     const unit = this.#unit(this.chosen.channel);
-    if (this.isResponse) return `${unit}/${this.#unit(this.chosen.input)}`;
-    return this.chosen.quantity === "amplitude" ? unit : `${unit}/√Hz`;
+    if (this.isResponse) return this.#unit(this.chosen.input) === "" ? unit : `${unit || "1"}/${this.#unit(this.chosen.input)}`;
+    return this.chosen.quantity === "amplitude" ? unit : `${unit || "1"}/√Hz`;
   }
 
   #build() {
@@ -173,7 +173,7 @@ export class Spectrum {
       padding: [this.#top, null, null, null],
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false }, bind: { dblclick: () => () => this.setZoom(null) } },
       scales: { x: xScale, y: { distr: 3, range: (plot, low, high) => decadeRange(low, high) } },
-      axes: [x, { ...axis, label: `${channels[this.chosen.channel].symbol} (${this.unit})`, labelSize: theme.small * 1.7, size: theme.small * 4.6, values: decades.values }],
+      axes: [x, { ...axis, label: withUnit(channels[this.chosen.channel].symbol, this.unit), labelSize: theme.small * 1.7, size: theme.small * 4.6, values: decades.values }],
       series: [{}, { stroke: theme.channel[this.chosen.channel], width: theme.large ? 2 : 1.2, points: { show: false } }],
       hooks: { draw: [(plot) => this.#drawMarks(plot)], setCursor: [(plot) => this.#readOff(plot)], setSelect: [(plot) => this.#zoomTo(plot)] },
     }, this.data, this.element);
@@ -183,7 +183,7 @@ export class Spectrum {
     const { channel, input } = this.chosen;
     this.plot = new ResponsePlots(this.element, this.app.theme, this.data, {
       log: this.chosen.axis === "log", colour: this.app.theme.channel[channel], top: this.#top,
-      label: `${channels[channel].symbol}/${channels[input].symbol} (${this.unit})`,
+      label: withUnit(`${channels[channel].symbol}/${channels[input].symbol}`, this.unit),
       zoom: () => this.zoom, onZoom: (zoom) => this.setZoom(zoom), onSelect: (plot) => this.#zoomTo(plot),
       onCursor: (plot) => this.#readOff(plot), onDraw: (plot) => this.#drawMarks(plot),
     });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The channels of a frame in their order on the wire, and their display units.
+// The channels of a frame in their order on the wire, then those that the page derives, and their display units.
 
 export const channels = [
   { key: "displacement", name: "Displacement", symbol: "x", quantity: "length" },
@@ -8,11 +8,15 @@ export const channels = [
   { key: "normal_load", name: "Normal load", symbol: "N", quantity: "force" },
   { key: "base_displacement", name: "Base displacement", symbol: "b", quantity: "length" },
   { key: "drive_force", name: "Drive force", symbol: "D", quantity: "force" },
+  { key: "coefficient", name: "Friction coefficient", symbol: "μ", quantity: "ratio" },
+  { key: "power", name: "Power of friction", symbol: "P", quantity: "power" },
+  { key: "expression", name: "Expression", symbol: "=", quantity: "ratio" },
 ];
+export const measuredCount = 6; // the first ones; see derived.js for the others
 
 const systems = {
-  mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1] },
-  m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1] },
+  mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1], power: ["mW", 1e3] },
+  m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1], power: ["W", 1] },
 };
 
 // Shown value = value in SI units * factor(quantity).
@@ -25,6 +29,9 @@ export class Units {
   label(quantity) { return (systems[this.#system][quantity] ?? [quantity === "ratio" ? "" : quantity])[0]; }
   factor(quantity) { return (systems[this.#system][quantity] ?? ["", 1])[1]; }
 }
+
+// A name with its unit, if it has one.
+export function withUnit(name, unit) { return unit === "" ? name : `${name} (${unit})`; }
 
 const dash = "–";
 const minus = "\u2212";
