@@ -19,7 +19,7 @@ export function expose(app) {
           rising: scope.trigger.rising, fired_ns: scope.trigger.fired_ns, done: scope.trigger.done,
         },
         cursors: scope.cursorsOn ? [scope.cursorTime_ns(0), scope.cursorTime_ns(1)] : null,
-        section_deg: app.portraits.phase_deg,
+        beeps: scope.alarms.beeper.beeps, section_deg: app.portraits.phase_deg,
         visible: scope.lanes.filter((lane) => lane.visible).map((lane) => lane.channel.key),
       };
     },
@@ -92,7 +92,7 @@ function drawn(app, name) {
   const lane = scope.lanes.find(({ channel }) => channel.key === name);
   if (lane) {
     return {
-      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [], title: lane.title, numbers: lane.numbers ?? [],
+      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [], title: lane.title, numbers: lane.numbers ?? [], alarm: lane.alarm, alarmTitle: lane.alarm === "" ? "" : lane.alarmTitle, boundsAt: lane.boundsAt ?? [],
       left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
       plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
     };

@@ -12,28 +12,32 @@ function numbersOf(lane, units) {
   return numbers;
 }
 
-// Numbers that do not fit are left out.
+// Numbers that do not fit are left out; of an alarm its mark remains.
 export function drawTitle(axes, lane, scope) {
   const { theme, units } = scope.app;
   const { gutter, plotWidth, titleHeight } = scope;
   const { channel, edge } = lane;
+  const right = gutter + plotWidth - 4;
+  let x = gutter + 7;
+  const write = (words, font, colour) => {
+    axes.font = font;
+    const { width } = axes.measureText(words);
+    if (x > gutter + 7 && x + width > right) return false;
+    axes.fillStyle = colour;
+    axes.fillText(words, x, edge + 3);
+    x += width + theme.small;
+    return true;
+  };
   lane.title = `${channel.symbol}  ${withUnit(lane.name ?? channel.name.toLowerCase(), units.label(channel.quantity))}${lane.manual ? ", fixed scale" : ""}`;
-  lane.numbers = [];
   axes.textAlign = "left";
   axes.textBaseline = "top";
-  axes.fillStyle = theme.colours.panel;
+  axes.fillStyle = lane.alarm === "" ? theme.colours.panel : theme.colours["bad-ground"];
   axes.fillRect(gutter + 1, edge + 1, plotWidth - 2, titleHeight - 1);
-  axes.font = theme.bold;
-  axes.fillStyle = theme.channel[lane.index];
-  axes.fillText(lane.title, gutter + 7, edge + 3);
-  let x = gutter + 7 + axes.measureText(lane.title).width + theme.small;
-  axes.font = theme.font;
-  axes.fillStyle = theme.colours.quiet;
-  for (const words of numbersOf(lane, units)) {
-    const { width } = axes.measureText(words);
-    if (x + width > gutter + plotWidth - 4) break;
-    axes.fillText(words, x, edge + 3);
-    lane.numbers.push(words);
-    x += width + theme.small;
+  write(lane.title, theme.bold, theme.channel[lane.index]);
+  if (lane.alarm !== "") {
+    lane.alarmTitle = `▲ ${scope.alarms.words(lane, lane.alarm)}`;
+    if (!write(lane.alarmTitle, theme.bold, theme.colours.bad)) write("▲", theme.bold, theme.colours.bad);
   }
+  lane.numbers = numbersOf(lane, units).filter((words) => write(words, theme.font, theme.colours.quiet));
+  axes.font = theme.font;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
+import { Alarms } from "./alarms.js";
 import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
 import { ExpressionField } from "./expression_field.js";
@@ -31,7 +32,7 @@ export class Oscilloscope {
     this.held = false; // the display is frozen at a trigger
     this.lanes = channels.map((channel, index) => ({
       index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3, measured: new Measurement(),
+      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3, measured: new Measurement(), alarm: "",
     }));
     this.shown = [];
     this.low = new Float64Array(maxPoints);
@@ -48,6 +49,7 @@ export class Oscilloscope {
     this.#buildReadings();
     this.#listen();
     this.hover = new Hover(this);
+    this.alarms = new Alarms(this.app, this.lanes);
     this.expression = new ExpressionField(this.app, this.lanes.at(-1));
     this.layout();
   }
@@ -166,6 +168,7 @@ export class Oscilloscope {
   #fillLane(lane, frames, now_ms) {
     if (this.dense) this.#summariseDense(lane, frames);
     else this.#summariseSparse(lane, frames);
+    lane.alarm = Alarms.side(lane.bounds, this.pair[0], this.pair[1]);
     if (!lane.manual) {
       const factor = this.#factor(lane);
       lane.limits.follow(this.pair[0] * factor, this.pair[1] * factor, now_ms);
@@ -395,6 +398,7 @@ export class Oscilloscope {
       axes.stroke();
     }
     drawTitle(axes, lane, this);
+    if (limits.known) this.alarms.draw(axes, lane, this);
   }
 
   #drawTriggerLine(axes, colour) {
@@ -470,7 +474,7 @@ export class Oscilloscope {
     const to = frames.rowAt(this.left_ns + this.span_ns, from);
     const readings = [];
     for (const lane of this.lanes) {
-      lane.row.hidden = !lane.present;
+      lane.row.hidden = lane.boundsRow.hidden = !lane.present;
       if (!lane.present) continue;
       lane.measured.take(frames, lane.index, from, to);
       const factor = this.#factor(lane);
@@ -659,6 +663,7 @@ export class Oscilloscope {
       lane.manual = false;
       lane.limits.reset();
     }
+    this.alarms.show();
     this.#showTrigger();
   }
 

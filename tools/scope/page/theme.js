@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light and dark, text size, and the colours of the style sheet for canvases.
 
-const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad",
+const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad", "bad-ground",
   "c0", "c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"];
 const order = ["auto", "light", "dark"];
 
