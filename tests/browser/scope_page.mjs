@@ -759,6 +759,9 @@ test("a paused spectrum and portrait are of the window that is seen, and a chose
   assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) <= 1000);
   assert.ok((await drawn(page, "spectrum")).newest <= 10001);
   await page.keyboard.press("p");
+  // The strip of a pause takes its height with it, and the plot is built anew.
+  await until(page, () => document.querySelector("#beside").hidden);
+  await drawn(page, "none");
   // Zoom by dragging; it holds while data comes, and until a double click.
   await page.locator("#spectrum-plot .u-over").waitFor();
   await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
@@ -1019,6 +1022,8 @@ for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844
       feed.event(1, "model_broken", "friction law");
       feed.event(1, "timing_degraded", "late");
     });
+    await page.locator(".channel-settings summary").click();
+    await page.locator("#spectrum-show").selectOption("response");
     await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
     await until(page, () => !document.querySelector("#banner").hidden && document.querySelector("#spectrum-plot canvas") !== null);
     await lookForBarriers(page, "light");

@@ -38,7 +38,9 @@ for (const webgl of [0, 1]) {
     await page.evaluate(excursions);
     await page.evaluate(() => { feed.frames(0, 1000, { received_unix_ms: 1.7e12 + 999 }); });
     await until(page, () => document.querySelector("#readings tbody td").textContent !== "");
-    await page.locator(".channel-settings summary").click();
+    await page.locator(".channel-settings summary").focus();
+    await page.keyboard.press("Space"); // which pauses elsewhere
+    assert.equal((await state(page)).paused, false);
     assert.equal(await page.locator("#channel-settings tbody tr:visible").count(), 7, "five measured channels, mu and power");
     await limit(page, "Displacement", "high", "5");
     await limit(page, "Displacement", "low", "-2");
@@ -130,6 +132,7 @@ test("limits are in the units in use, kept in the browser, and refused if they e
   await limit(page, "Power of friction", "high", "0.5");
   await page.evaluate(() => feed.frames(4000, 1000));
   assert.ok((await events(page)).some((line) => line[4] === "Power of friction above 0.5000 W"));
+  await until(page, () => new URLSearchParams(window.location.search).get("limits") === "x__0.005*P__0.5");
   await page.reload();
   await until(page, () => window.stickslip !== undefined);
   await page.evaluate(excursions);

@@ -65,6 +65,7 @@ for (const webgl of [0, 1]) {
     assert.match(await text(page, "#readings tbody tr:nth-child(8)"), /Power of friction \(mW\)/);
     await page.keyboard.press("u");
     await until(page, () => /Power of friction \(W\)/.test(document.querySelector("#readings tbody tr:nth-child(8)").textContent));
+    await until(page, () => new URLSearchParams(window.location.search).get("lanes") === "b*D*mu*P");
     await page.reload();
     await until(page, () => window.stickslip !== undefined);
     await page.evaluate(() => { feed.open(); feed.frames(0, 1000); });
@@ -73,6 +74,17 @@ for (const webgl of [0, 1]) {
     await close(page);
   });
 }
+
+test("a spike of the load hides mu only while it is held", async () => {
+  const page = await open();
+  const mu = async () => (await held(page, "frames", 6)).value.slice(-1)[0];
+  await page.evaluate(() => { feed.value = (c, t) => (c === 3 ? (t === 1 ? 500 : 10) : c === 2 ? 4 : c === 5 ? NaN : 0.1); feed.frames(0, 3000, { per: 1000 }); });
+  assert.ok(Number.isNaN(await mu()));
+  await page.evaluate(() => feed.frames(3000, 131072, { per: 1000 }));
+  const all = await held(page, "frames", 6);
+  assert.ok(all.value.every((value) => value === 0.4));
+  await close(page);
+});
 
 test("titles hold peak-to-peak and frequency of what is on screen", async () => {
   const page = await open();

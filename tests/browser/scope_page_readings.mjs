@@ -125,6 +125,12 @@ function transform(sample, from, length, line) {
   return [re, im];
 }
 
+// The spectrum once it is that of the last choice, which waits until the plot is on screen.
+async function spectrumOf(page) {
+  await until(page, async () => (await stickslip.drawn("spectrum")).current);
+  return drawn(page, "spectrum");
+}
+
 async function openSpectrum(frames, webgl = 0) {
   const page = await open({}, `?webgl=${webgl}`);
   await page.evaluate((frames) => {
@@ -147,7 +153,7 @@ for (const [average, segments, share] of [["4", 4, 0], ["16", 16, 0], ["exponent
     const frames = 20000;
     const page = await openSpectrum(frames);
     await page.locator("#spectrum-averages").selectOption(average);
-    const spectrum = await drawn(page, "spectrum");
+    const spectrum = await spectrumOf(page);
     assert.equal(spectrum.segments, segments);
     assert.equal(spectrum.length, 1024);
     for (const line of [7, 50, 51, 300]) {
@@ -177,11 +183,11 @@ for (const webgl of [0, 1]) {
     await page.locator("#spectrum-channel").selectOption("1");
     await page.locator("#spectrum-input").selectOption("0");
     // One segment says nothing of coherence.
-    const single = await drawn(page, "spectrum");
+    const single = await spectrumOf(page);
     assert.ok(single.coherence.every((value) => value === null));
-    assert.match(await page.locator("#spectrum-summary").textContent(), /Coherence needs an average/);
+    await until(page, () => document.querySelector("#spectrum-summary").textContent.includes("Coherence needs an average"));
     await page.locator("#spectrum-averages").selectOption("16");
-    const response = await drawn(page, "spectrum");
+    const response = await spectrumOf(page);
     const output = (i) => 2 * tone(i - 3) + 0.001 * noise(3 * i + 5);
     for (const line of [5, 50, 120, 400]) {
       let [xx, yy, re, im] = [0, 0, 0, 0];
@@ -215,7 +221,7 @@ for (const webgl of [0, 1]) {
     // The other way round it is the inverse; of a channel that is not measured there is none.
     await page.locator("#spectrum-channel").selectOption("0");
     await page.locator("#spectrum-input").selectOption("1");
-    near((await drawn(page, "spectrum")).value[49], 0.5, 0.01);
+    near((await spectrumOf(page)).value[49], 0.5, 0.01);
     await page.locator("#spectrum-input").selectOption("5");
     await until(page, () => document.querySelector("#spectrum-summary").textContent === "Drive force is not measured.");
     await page.locator("#spectrum-show").selectOption("spectrum");

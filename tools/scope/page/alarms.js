@@ -2,22 +2,22 @@
 // Limits of channels: a crossing marks the lane, is an event of the page's own, and beeps if that is wanted.
 
 import { Beeper } from "./beeper.js";
-import { byId, setText, tableRow } from "./elements.js";
+import { byId, fillSelect, setText, tableRow } from "./elements.js";
 import { number, withUnit } from "./units.js";
 
 const again_ns = 0.2e9; // a crossing counts anew after so long within the limits
 const none = { low: NaN, high: NaN };
 
 export class Alarms {
-  constructor(app, lanes) {
+  // kept: limits by channel, in SI units.
+  constructor(app, lanes, kept) {
     this.app = app;
     this.lanes = lanes;
     this.beeper = new Beeper(byId("alarm-sound"));
     this.pair = new Float64Array(2);
-    const kept = app.settings.get("limits") ?? {};
     for (const lane of lanes) {
-      const [low, high] = kept[lane.channel.key] ?? [];
-      lane.bounds = { low: low ?? NaN, high: high ?? NaN }; // in SI units; NaN: none
+      const [low, high] = kept.get(lane.index) ?? [NaN, NaN];
+      lane.bounds = { low, high }; // NaN: none
       this.#buildRow(lane);
     }
     this.clear();
@@ -25,7 +25,7 @@ export class Alarms {
   }
 
   #buildRow(lane) {
-    lane.boundsRow = tableRow(lane.channel.name, 2);
+    lane.boundsRow = tableRow(lane.channel.name, 3);
     lane.boundsFields = ["low", "high"].map((side, i) => {
       const field = document.createElement("input");
       Object.assign(field, { type: "number", step: "any", inputMode: "decimal" });
@@ -34,6 +34,10 @@ export class Alarms {
       lane.boundsRow.cells[i + 1].append(field);
       return field;
     });
+    lane.hostField = document.createElement("select");
+    lane.hostField.setAttribute("aria-label", `${lane.channel.name}: lane`);
+    lane.hostField.addEventListener("change", () => this.app.scope.overlay(lane, Number(lane.hostField.value)));
+    lane.boundsRow.cells[3].append(lane.hostField);
     byId("channel-settings").tBodies[0].append(lane.boundsRow);
   }
 
@@ -48,15 +52,20 @@ export class Alarms {
   set(lane, bounds) {
     lane.bounds = { ...bounds };
     lane.outside_ns = -Infinity;
-    const kept = this.lanes.filter((one) => !Number.isNaN(one.bounds.low) || !Number.isNaN(one.bounds.high));
-    this.app.settings.set("limits", Object.fromEntries(kept.map((one) => [one.channel.key, [one.bounds.low, one.bounds.high].map((value) => (Number.isNaN(value) ? null : value))])));
+    this.app.scope.keep();
     this.app.touch();
+  }
+
+  // Those that are set: index of the channel, low, high.
+  list() {
+    return this.lanes.filter(({ bounds: { low, high } }) => !Number.isNaN(low) || !Number.isNaN(high)).map(({ index, bounds: { low, high } }) => [index, low, high]);
   }
 
   // The fields, in the units in use.
   show() {
     for (const lane of this.lanes) {
       setText(lane.boundsRow.cells[0], withUnit(lane.channel.name, this.app.units.label(lane.channel.quantity)));
+      fillSelect(lane.hostField, this.lanes.map((one) => [one.index, one === lane ? "its own" : `of ${one.channel.symbol}`]), lane.host);
       [lane.bounds.low, lane.bounds.high].forEach((value, i) => {
         lane.boundsFields[i].value = Number.isNaN(value) ? "" : String(Number((value * this.#factor(lane)).toPrecision(9)));
       });

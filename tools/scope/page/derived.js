@@ -13,6 +13,7 @@ export class Derived {
   constructor() {
     this.expression = null; // see expression.js
     this.inputs = new Float64Array(symbols.length);
+    this.pair = new Float64Array(2);
     this.clear();
   }
 
@@ -27,21 +28,14 @@ export class Derived {
     this.largest_n = other.largest_n;
   }
 
-  // The first row to derive: of those that are new, or of all if a load has come that is larger than any before
-  // (by more than 2 %, so that a load that rises slowly costs little).
+  // The first row to derive: of those that are new, or of all if the largest load that is held has grown (by more
+  // than 2 %, so that a load that rises slowly costs little) or has gone with the frames that were dropped.
   from(frames) {
-    let largest = this.largest_n;
-    const { mask, values } = frames;
-    let from = Math.max(this.end, frames.begin);
-    for (let row = from; row < frames.end; ++row) {
-      const size = Math.abs(values[load][row & mask]);
-      if (size > largest) largest = size;
-    }
-    if (largest > 1.02 * this.largest_n) {
-      this.largest_n = largest;
-      from = frames.begin;
-    }
-    return from;
+    frames.extremes(load, frames.begin, frames.end, this.pair);
+    const largest = Math.max(Math.abs(this.pair[0]), Math.abs(this.pair[1]));
+    if (!(largest < Infinity) || (largest <= 1.02 * this.largest_n && largest >= 0.5 * this.largest_n)) return Math.max(this.end, frames.begin);
+    this.largest_n = largest;
+    return frames.begin;
   }
 
   fill(frames, from) {

@@ -5,14 +5,14 @@ import { byId, setState, setText } from "./elements.js";
 import { compile, symbols } from "./expression.js";
 
 export class ExpressionField {
-  constructor(app, lane) {
+  constructor(app, lane, text) {
     this.app = app;
     this.lane = lane;
     this.text = ""; // as it is in use
     this.field = byId("expression");
     this.note = byId("expression-note");
     this.field.addEventListener("change", () => this.set(this.field.value));
-    this.set(app.settings.get("expression") ?? "", lane.wanted);
+    this.set(text, lane.wanted);
   }
 
   // An expression with an error is not used, and the one before stays.
@@ -29,9 +29,9 @@ export class ExpressionField {
       if (document.activeElement === this.field) this.field.setSelectionRange(error.at, error.at + 1);
       return;
     }
-    this.app.settings.set("expression", this.text);
     this.lane.name = this.text;
     this.app.scope?.renewLane(this.lane, wanted);
+    this.app.scope?.keep();
   }
 
   #show(state, words) {

@@ -84,7 +84,7 @@ function taken(event) {
   if (target.closest("input[type=number]")) return key !== "?";
   if (target.closest("select")) return true;
   if (target.closest("input[type=range]")) return key.startsWith("Arrow") || key === "Home" || key === "End";
-  if (target.closest("button, [role=slider], input[type=checkbox]")) return key === " " || key === "Enter";
+  if (target.closest("button, summary, [role=slider], input[type=checkbox]")) return key === " " || key === "Enter";
   if (target.closest("input[type=text]")) return true;
   if (target.closest("input[type=search]")) return key !== "Escape";
   if (target.closest(".event-list")) return key.startsWith("Arrow") || key === " ";

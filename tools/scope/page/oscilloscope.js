@@ -2,18 +2,18 @@
 // The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
 import { Alarms } from "./alarms.js";
-import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
+import { eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
 import { ExpressionField } from "./expression_field.js";
 import { Hover } from "./hover.js";
 import { drawTitle } from "./lane_title.js";
-import { Measurement } from "./measurement.js";
+import { arrange, makeLanes, maxPoints, membersOf, moveInto, place, sharedExtremes } from "./lanes.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
 import { channels, clockTick, clockTime, decimalsFor, duration, fixed, measuredCount, number, tick, withUnit } from "./units.js";
+import { ViewAddress } from "./view_address.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
-const maxPoints = 16384;
 const shortest_s = 0.002;
 const longest_s = 120;
 
@@ -30,11 +30,7 @@ export class Oscilloscope {
     this.left_ns = 0; // time at the left edge
     this.span_ns = 1e10;
     this.held = false; // the display is frozen at a trigger
-    this.lanes = channels.map((channel, index) => ({
-      index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3, measured: new Measurement(), alarm: "",
-    }));
-    this.shown = [];
+    this.lanes = makeLanes();
     this.low = new Float64Array(maxPoints);
     this.high = new Float64Array(maxPoints);
     this.bounds = new Float64Array(maxPoints + 1);
@@ -49,21 +45,41 @@ export class Oscilloscope {
     this.#buildReadings();
     this.#listen();
     this.hover = new Hover(this);
-    this.alarms = new Alarms(this.app, this.lanes);
-    this.expression = new ExpressionField(this.app, this.lanes.at(-1));
+    this.alarms = new Alarms(this.app, this.lanes, this.kept.limits);
+    this.expression = new ExpressionField(this.app, this.lanes.at(-1), this.kept.expression);
+    this.ready = true;
     this.layout();
   }
 
+  // From the address, or as it was last in this browser.
   #restore() {
-    const kept = this.app.settings.get("oscilloscope") ?? {};
-    if (kept.span_s >= shortest_s && kept.span_s <= longest_s) this.span_s = kept.span_s;
+    this.address = new ViewAddress(this.app.settings);
+    const view = this.address.read();
+    if (view.span_s >= shortest_s && view.span_s <= longest_s) this.span_s = view.span_s;
     // At first, all that are measured.
-    for (const lane of this.lanes) lane.wanted = kept.shown?.includes(lane.channel.key) ?? lane.index < measuredCount;
+    const usual = ({ index, channel }) => index < measuredCount || (channel.key === "expression" && view.expression !== "");
+    for (const lane of this.lanes) lane.wanted = view.lanes?.some((members) => members.includes(lane.index)) ?? usual(lane);
+    for (const [host, ...members] of view.lanes ?? []) for (const member of members) moveInto(this.lanes, this.lanes[member], host);
+    for (const [index, scale] of view.scales) {
+      const { own } = this.lanes[index];
+      own.set(...scale.map((value) => value * this.#factor(this.lanes[index])));
+      own.manual = true;
+    }
+    this.kept = view; // for what is built later
   }
 
-  #keep() {
-    const shown = this.lanes.filter((lane) => lane.wanted).map((lane) => lane.channel.key);
-    this.app.settings.set("oscilloscope", { span_s: this.span_s, shown });
+  // Keeps the view after a change by the user.
+  keep() {
+    if (!this.ready) return;
+    const { lanes } = this;
+    const hosts = lanes.filter((lane) => lanes.some((one) => one.wanted && one.host === lane.index));
+    this.address.write({
+      span_s: this.span_s,
+      lanes: hosts.map((host) => [host, ...lanes.filter((one) => one !== host && one.host === host.index)].filter((one) => one.wanted).map((one) => one.index)),
+      scales: lanes.filter(({ own }) => own.manual && own.known).map((lane) => [lane.index, lane.own.low / this.#factor(lane), lane.own.high / this.#factor(lane)]),
+      limits: this.alarms.list(),
+      expression: this.expression.text,
+    });
   }
 
   // --- visible range -------------------------------------------------------------------------------
@@ -98,49 +114,27 @@ export class Oscilloscope {
 
   #factor(lane) { return this.app.units.factor(lane.channel.quantity); }
 
-  // Lays out the lanes of the selected, measured channels.
-  #placeLanes() {
-    const { frames } = this.app.store;
-    let count = 0;
-    for (const lane of this.lanes) {
-      if (!lane.present) {
-        frames.extremes(lane.index, frames.begin, frames.end, this.pair);
-        lane.present = this.pair[0] <= this.pair[1];
-      }
-      lane.visible = lane.wanted && lane.present;
-      if (lane.visible) count += 1;
-    }
-    const each = this.plotHeight / Math.max(1, count);
-    this.titleHeight = Math.round(this.app.theme.small * 1.5);
-    let top = 0;
-    for (const lane of this.lanes) {
-      if (!lane.visible) continue;
-      // A strip above the trace is for its title.
-      lane.edge = top;
-      lane.top = top + this.titleHeight;
-      lane.height = Math.max(8, each - this.titleHeight);
-      top += each;
-    }
-  }
-
   clear() {
     for (const lane of this.lanes) {
       lane.present = false;
-      lane.limits.reset();
+      if (!lane.own.manual) lane.own.reset();
     }
     this.trigger.arm();
   }
 
   draw(now_ms) {
     this.#findWindow();
-    this.#placeLanes();
     const { frames } = this.app.store;
+    this.titleHeight = Math.round(this.app.theme.small * 1.5);
+    arrange(this.lanes, frames, this.pair);
+    place(this.lanes, this.plotHeight, this.titleHeight);
     frames.touched = 0;
     this.#fillColumns(frames);
-    for (const lane of this.lanes) {
-      lane.count = 0;
-      if (lane.visible && !frames.empty) this.#fillLane(lane, frames, now_ms);
-    }
+    for (const lane of this.lanes) lane.count = 0;
+    // A scale that is shared is that of the first of its channels, which is filled before the others.
+    const shown = frames.empty ? [] : this.lanes.filter((lane) => lane.visible);
+    for (const lane of shown) if (lane.limits === lane.own) this.#fillLane(lane, frames, now_ms);
+    for (const lane of shown) if (lane.limits !== lane.own) this.#fillLane(lane, frames, now_ms);
     this.#drawTraces();
     this.#drawAxes();
     this.#placeHandles();
@@ -169,8 +163,9 @@ export class Oscilloscope {
     if (this.dense) this.#summariseDense(lane, frames);
     else this.#summariseSparse(lane, frames);
     lane.alarm = Alarms.side(lane.bounds, this.pair[0], this.pair[1]);
-    if (!lane.manual) {
+    if (!lane.limits.manual && lane.limits === lane.own) {
       const factor = this.#factor(lane);
+      if (this.lanes.some((one) => one !== lane && one.visible && one.limits === lane.limits)) sharedExtremes(this.lanes, lane, frames, this.fromRow, this.toRow, this.pair);
       lane.limits.follow(this.pair[0] * factor, this.pair[1] * factor, now_ms);
     }
     if (!lane.limits.known) return;
@@ -275,7 +270,7 @@ export class Oscilloscope {
     axes.font = font;
     axes.lineWidth = 1;
     this.#drawTimeAxis(axes, colours, small);
-    for (const lane of this.lanes) if (lane.visible) this.#drawLane(axes, lane);
+    for (const lane of this.lanes) if (lane.leader === lane) this.#drawLane(axes, lane);
     axes.strokeStyle = colours["strong-line"];
     axes.strokeRect(gutter + 0.5, 0.5, plotWidth - 1, plotHeight - 1);
     this.#drawMarkers(axes, colours, small);
@@ -397,8 +392,9 @@ export class Oscilloscope {
       });
       axes.stroke();
     }
-    drawTitle(axes, lane, this);
-    if (limits.known) this.alarms.draw(axes, lane, this);
+    const members = membersOf(this.lanes, lane);
+    drawTitle(axes, members, this);
+    for (const member of members) if (member.limits.known) this.alarms.draw(axes, member, this);
   }
 
   #drawTriggerLine(axes, colour) {
@@ -577,14 +573,23 @@ export class Oscilloscope {
     const lane = this.lanes[index];
     lane.wanted = !lane.wanted;
     setPressed(lane.button, lane.wanted);
-    this.#keep();
+    this.keep();
+    this.app.touch();
+  }
+
+  // Draws a channel in the lane of another, or in its own.
+  overlay(lane, host) {
+    moveInto(this.lanes, lane, host);
+    for (const one of this.lanes) if (!one.own.manual) one.own.reset();
+    this.alarms.show();
+    this.keep();
     this.app.touch();
   }
 
   // Shows a lane whose data is other than before.
   renewLane(lane, wanted) {
     lane.present = false;
-    lane.limits.reset();
+    lane.own.reset();
     if (wanted !== lane.wanted) this.toggleLane(lane.index);
     this.app.touch();
   }
@@ -600,7 +605,7 @@ export class Oscilloscope {
       this.#keepCursors(kept);
     }
     this.#showTimeBase();
-    this.#keep();
+    this.keep();
     this.app.touch();
   }
 
@@ -643,15 +648,15 @@ export class Oscilloscope {
     if (!limits.known) return;
     const middle = (limits.low + limits.high) / 2;
     const half = ((limits.high - limits.low) / 2) * factor;
-    this.lanes[index].manual = true;
+    limits.manual = true;
     limits.set(middle - half, middle + half);
+    this.keep();
     this.app.touch();
   }
 
   reset() {
     for (const lane of this.lanes) {
-      lane.manual = false;
-      lane.limits.reset();
+      lane.own.reset();
     }
     this.setSpan(10);
     if (this.app.paused) this.left_ns = this.app.store.frames.last_ns - this.span_ns;
@@ -660,10 +665,10 @@ export class Oscilloscope {
 
   unitsChanged() {
     for (const lane of this.lanes) {
-      lane.manual = false;
-      lane.limits.reset();
+      lane.own.reset();
     }
     this.alarms.show();
+    this.keep();
     this.#showTrigger();
   }
 
@@ -734,7 +739,7 @@ export class Oscilloscope {
 
   #laneAt(event) {
     const y = event.clientY - this.screen.getBoundingClientRect().top;
-    return this.lanes.find((lane) => lane.visible && y >= lane.edge && y < lane.top + lane.height);
+    return this.lanes.find((lane) => lane.leader === lane && y >= lane.edge && y < lane.top + lane.height);
   }
 
   #listen() {

@@ -24,6 +24,12 @@ export function respond(welch, rate_hz, factor, data) {
   }
 }
 
+// Of a low plot: with few decades.
+function decadeAxis(axis) {
+  const { values, filter } = decades;
+  return { values, filter, grid: { ...axis.grid, filter }, ticks: { ...axis.ticks, filter } };
+}
+
 export class ResponsePlots {
   // options: log, label (of the magnitude), colour, top (for marks), zoom(): limits or null; onZoom, onSelect,
   // onCursor, onDraw.
@@ -46,7 +52,7 @@ export class ResponsePlots {
       scales: { x: xScale, y: magnitude ? { distr: 3, range: (plot, low, high) => decadeRange(low, high) } : { range: () => part.range } },
       axes: [
         last ? x : { ...x, label: undefined, size: 0, values: (plot, list) => list.map(() => "") },
-        { ...axis, label: part.label ?? options.label, labelSize: theme.small * 1.7, size: theme.small * 4.6, ...(magnitude ? { values: decades.values, grid: { ...axis.grid, filter: decades.filter } } : { splits: () => part.splits }) },
+        { ...axis, label: part.label ?? options.label, labelSize: theme.small * 1.7, size: theme.small * 4.6, ...(magnitude ? decadeAxis(axis) : { splits: () => part.splits }) },
       ],
       series: [{}, { stroke: options.colour, width: theme.large ? 2 : 1.2, points: { show: dots, size: 2.5, fill: options.colour, width: 0 }, ...(dots ? { paths: () => null } : {}) }],
       hooks: {
