@@ -4,39 +4,10 @@
 import assert from "node:assert/strict";
 import fs from "node:fs";
 import path from "node:path";
-import { after, before, test } from "node:test";
-import { drawn, held, openPage, run, startBrowser, startScope, stickslip, temporaryFolder, until } from "./programs.mjs";
+import { test } from "node:test";
+import { close, ink, near, open, state, text } from "./fed_page.mjs";
+import { drawn, held, run, stickslip, temporaryFolder, until } from "./programs.mjs";
 
-let scope;
-let browser;
-
-before(async () => {
-  scope = await startScope();
-  browser = await startBrowser();
-});
-
-after(async () => {
-  await browser?.close();
-  await scope?.stop();
-});
-
-async function open(options = {}, query = "?webgl=0") {
-  const page = await openPage(browser, scope.url + query, { fake: true, ...options });
-  await page.evaluate(() => feed.open());
-  return page;
-}
-
-// Closes a page, which must have had no errors and no requests to other servers.
-async function close(page) {
-  await page.context().close();
-  assert.deepEqual(page.complaints, []);
-  assert.deepEqual(page.elsewhere, []);
-}
-
-const state = (page) => page.evaluate(() => stickslip.state());
-const ink = (page, name) => page.evaluate((name) => stickslip.ink(name), name);
-const text = (page, selector) => page.locator(selector).innerText();
-const near = (a, b, tolerance, message) => assert.ok(Math.abs(a - b) <= tolerance, `${message ?? ""} ${a} is not ${b} within ${tolerance}`);
 // Values that are identical on every machine, bit for bit, unlike a sine.
 const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
 const signal = (channel, t) => Math.sin(2 * Math.PI * 2 * t) * (channel + 1);
@@ -796,6 +767,9 @@ test("a paused spectrum and portrait are of the window that is seen, and a chose
   assert.ok(Math.max(...(await drawn(page, "phase")).points.filter(Number.isFinite)) <= 1000);
   assert.ok((await drawn(page, "spectrum")).newest <= 10001);
   await page.keyboard.press("p");
+  // The strip of a pause takes its height with it, and the plot is built anew.
+  await until(page, () => document.querySelector("#beside").hidden);
+  await drawn(page, "none");
   // Zoom by dragging; it holds while data comes, and until a double click.
   await page.locator("#spectrum-plot .u-over").waitFor();
   await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
@@ -1056,6 +1030,8 @@ for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844
       feed.event(1, "model_broken", "friction law");
       feed.event(1, "timing_degraded", "late");
     });
+    await page.locator(".channel-settings summary").click();
+    await page.locator("#spectrum-show").selectOption("response");
     await page.locator("#spectrum-plot").scrollIntoViewIfNeeded();
     await until(page, () => !document.querySelector("#banner").hidden && document.querySelector("#spectrum-plot canvas") !== null);
     await lookForBarriers(page, "light");

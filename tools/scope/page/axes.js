@@ -25,9 +25,11 @@ export class Limits {
     this.low = NaN;
     this.high = NaN;
     this.shrunk = 0;
+    this.manual = false; // set by the user, until the view is reset
   }
 
   reset() {
+    this.manual = false;
     this.low = NaN;
     this.high = NaN;
   }

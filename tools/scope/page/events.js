@@ -63,6 +63,7 @@ export class Events {
   #item(event) {
     const item = document.createElement("li");
     item.dataset.severity = String(event.severity);
+    if (event.own) item.dataset.own = "yes"; // of this page, not of the rig
     const time = document.createElement("button");
     time.type = "button";
     time.className = "when";

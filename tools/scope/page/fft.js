@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The discrete Fourier transform of real samples, 2^k of them, in place and without allocation.
+// The discrete Fourier transform of 2^k samples, in place and without allocation.
 
 export class Fft {
   constructor(size) {
@@ -14,10 +14,9 @@ export class Fft {
     this.imaginary = new Float64Array(size);
   }
 
-  // Transforms this.real; the imaginary part is taken as 0.
+  // Transforms this.real + i this.imaginary.
   run() {
     const { size, real, imaginary, cosine, sine } = this;
-    imaginary.fill(0);
     this.#reorder();
     for (let half = 1; half < size; half *= 2) {
       const stride = size / (2 * half);
@@ -39,15 +38,14 @@ export class Fft {
   }
 
   #reorder() {
-    const { size, real } = this;
+    const { size, real, imaginary } = this;
     for (let i = 1, j = 0; i < size; ++i) {
       let bit = size >> 1;
       for (; j & bit; bit >>= 1) j ^= bit;
       j ^= bit;
       if (i < j) {
-        const kept = real[i];
-        real[i] = real[j];
-        real[j] = kept;
+        [real[i], real[j]] = [real[j], real[i]];
+        [imaginary[i], imaginary[j]] = [imaginary[j], imaginary[i]];
       }
     }
   }

@@ -19,7 +19,7 @@ export function expose(app) {
           rising: scope.trigger.rising, fired_ns: scope.trigger.fired_ns, done: scope.trigger.done,
         },
         cursors: scope.cursorsOn ? [scope.cursorTime_ns(0), scope.cursorTime_ns(1)] : null,
-        section_deg: app.portraits.phase_deg,
+        beeps: scope.alarms.beeper.beeps, section_deg: app.portraits.phase_deg,
         visible: scope.lanes.filter((lane) => lane.visible).map((lane) => lane.channel.key),
       };
     },
@@ -92,7 +92,7 @@ function drawn(app, name) {
   const lane = scope.lanes.find(({ channel }) => channel.key === name);
   if (lane) {
     return {
-      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [],
+      points: [...lane.points.subarray(0, 2 * lane.count)], low: lane.limits.low, high: lane.limits.high, top: lane.top, height: lane.height, labels: lane.labels ?? [], title: lane.title, numbers: lane.numbers ?? [], alarm: lane.alarm, alarmTitle: lane.alarmTitle, boundsAt: lane.boundsAt ?? [],
       left_ns: scope.left_ns, span_ns: scope.span_ns, firstColumn: scope.firstColumn, column_ns: scope.column_ns, dense: scope.dense,
       plot: { left: scope.gutter, width: scope.plotWidth }, touched: app.store.frames.touched,
     };
@@ -110,7 +110,7 @@ function drawn(app, name) {
     return { points, first, limits: portrait.drawn, passages, pixels: [...portraits.points.subarray(0, 2 * portrait.count)] };
   }
   if (name === "spectrum") {
-    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
+    return { frequency: [...(spectrum.data?.[0] ?? [])], value: [...(spectrum.data?.[1] ?? [])], phase: spectrum.data?.[2] ?? null, coherence: spectrum.data?.[3] ?? null, segments: spectrum.welch?.segments ?? 0, current: spectrum.latest !== null, length: spectrum.length, rate_hz: spectrum.rate_hz, newest: spectrum.end, zoom: spectrum.zoom, scale: spectrum.plot ? { min: spectrum.plot.scales.x.min, max: spectrum.plot.scales.x.max } : null, chosen: { ...spectrum.chosen }, marks: spectrum.marks.map((mark) => ({ ...mark })) };
   }
   const estimate = estimates.figures.find((one) => one.name === name);
   if (estimate) {

@@ -22,10 +22,10 @@ function table(app) {
     [["0"], "0", "reset the view: 10 s, all scales automatic", () => scope.reset()],
     [["y"], "Y", "zoom in on the trigger channel", () => scope.scaleLane(scope.trigger.channel, 0.8)],
     [["Y"], "Shift+Y", "zoom out of the trigger channel", () => scope.scaleLane(scope.trigger.channel, 1.25)],
-    [["1", "2", "3", "4", "5", "6"], "1 … 6", "show or hide a channel", (event) => scope.toggleLane(Number(event.key) - 1)],
+    [["1", "2", "3", "4", "5", "6", "7", "8", "9"], "1 … 9", "show or hide a channel", (event) => scope.toggleLane(Number(event.key) - 1)],
     [["t"], "T", "trigger: none, auto, normal, single", () => scope.nextTriggerMode()],
     [["e"], "E", "trigger on the other edge", () => scope.setTrigger({ rising: !scope.trigger.rising })],
-    [["n"], "N", "trigger on the next channel", () => scope.setTrigger({ channel: (scope.trigger.channel + 1) % 6 })],
+    [["n"], "N", "trigger on the next channel", () => scope.setTrigger({ channel: (scope.trigger.channel + 1) % scope.lanes.length })],
     [["."], ".", "trigger level up", () => scope.nudgeLevel(0.02)],
     [[","], ",", "trigger level down", () => scope.nudgeLevel(-0.02)],
     [["a"], "A", "rearm the trigger", () => scope.setTrigger({})],
@@ -84,7 +84,8 @@ function taken(event) {
   if (target.closest("input[type=number]")) return key !== "?";
   if (target.closest("select")) return true;
   if (target.closest("input[type=range]")) return key.startsWith("Arrow") || key === "Home" || key === "End";
-  if (target.closest("button, [role=slider], input[type=checkbox]")) return key === " " || key === "Enter";
+  if (target.closest("button, summary, [role=slider], input[type=checkbox]")) return key === " " || key === "Enter";
+  if (target.closest("input[type=text]")) return true;
   if (target.closest("input[type=search]")) return key !== "Escape";
   if (target.closest(".event-list")) return key.startsWith("Arrow") || key === " ";
   return false;

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The oscilloscope: stacked channels over device time, with trigger, cursors and readings.
 
-import { Limits, eachTick, fitCanvas, scaleStep } from "./axes.js";
+import { Alarms } from "./alarms.js";
+import { eachTick, fitCanvas, scaleStep } from "./axes.js";
 import { byId, fillSelect, setPressed, setText, tableRow } from "./elements.js";
+import { ExpressionField } from "./expression_field.js";
+import { Hover } from "./hover.js";
+import { drawTitle } from "./lane_title.js";
+import { arrange, makeLanes, maxPoints, membersOf, moveInto, place, sharedExtremes } from "./lanes.js";
 import { TraceCanvas, gap } from "./trace_gl.js";
 import { Trigger, modes } from "./trigger.js";
-import { channels, clockTick, clockTime, decimalsFor, duration, fixed, number, tick } from "./units.js";
+import { channels, clockTick, clockTime, decimalsFor, duration, fixed, measuredCount, number, tick, withUnit } from "./units.js";
+import { ViewAddress } from "./view_address.js";
 
 export const timeBases_s = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60];
-const maxPoints = 16384;
 const shortest_s = 0.002;
 const longest_s = 120;
 
@@ -25,11 +30,7 @@ export class Oscilloscope {
     this.left_ns = 0; // time at the left edge
     this.span_ns = 1e10;
     this.held = false; // the display is frozen at a trigger
-    this.lanes = channels.map((channel, index) => ({
-      index, channel, wanted: true, present: false, manual: false, limits: new Limits(),
-      points: new Float32Array(2 * maxPoints), count: 0, top: 0, height: 0, step: 1, decimals: 3,
-    }));
-    this.shown = [];
+    this.lanes = makeLanes();
     this.low = new Float64Array(maxPoints);
     this.high = new Float64Array(maxPoints);
     this.bounds = new Float64Array(maxPoints + 1);
@@ -43,18 +44,42 @@ export class Oscilloscope {
     this.#buildControls();
     this.#buildReadings();
     this.#listen();
+    this.hover = new Hover(this);
+    this.alarms = new Alarms(this.app, this.lanes, this.kept.limits);
+    this.expression = new ExpressionField(this.app, this.lanes.at(-1), this.kept.expression);
+    this.ready = true;
     this.layout();
   }
 
+  // From the address, or as it was last in this browser.
   #restore() {
-    const kept = this.app.settings.get("oscilloscope") ?? {};
-    if (kept.span_s >= shortest_s && kept.span_s <= longest_s) this.span_s = kept.span_s;
-    for (const lane of this.lanes) lane.wanted = !(kept.hidden ?? []).includes(lane.channel.key);
+    this.address = new ViewAddress(this.app.settings);
+    const view = this.address.read();
+    if (view.span_s >= shortest_s && view.span_s <= longest_s) this.span_s = view.span_s;
+    // At first, all that are measured.
+    const usual = ({ index, channel }) => index < measuredCount || (channel.key === "expression" && view.expression !== "");
+    for (const lane of this.lanes) lane.wanted = view.lanes?.some((members) => members.includes(lane.index)) ?? usual(lane);
+    for (const [host, ...members] of view.lanes ?? []) for (const member of members) moveInto(this.lanes, this.lanes[member], host);
+    for (const [index, scale] of view.scales) {
+      const { own } = this.lanes[index];
+      own.set(...scale.map((value) => value * this.#factor(this.lanes[index])));
+      own.manual = true;
+    }
+    this.kept = view; // for what is built later
   }
 
-  #keep() {
-    const hidden = this.lanes.filter((lane) => !lane.wanted).map((lane) => lane.channel.key);
-    this.app.settings.set("oscilloscope", { span_s: this.span_s, hidden });
+  // Keeps the view after a change by the user.
+  keep() {
+    if (!this.ready) return;
+    const { lanes } = this;
+    const hosts = lanes.filter((lane) => lanes.some((one) => one.wanted && one.host === lane.index));
+    this.address.write({
+      span_s: this.span_s,
+      lanes: hosts.map((host) => [host, ...lanes.filter((one) => one !== host && one.host === host.index)].filter((one) => one.wanted).map((one) => one.index)),
+      scales: lanes.filter(({ own }) => own.manual && own.known).map((lane) => [lane.index, lane.own.low / this.#factor(lane), lane.own.high / this.#factor(lane)]),
+      limits: this.alarms.list(),
+      expression: this.expression.text,
+    });
   }
 
   // --- visible range -------------------------------------------------------------------------------
@@ -89,52 +114,31 @@ export class Oscilloscope {
 
   #factor(lane) { return this.app.units.factor(lane.channel.quantity); }
 
-  // Lays out the lanes of the selected, measured channels.
-  #placeLanes() {
-    const { frames } = this.app.store;
-    let count = 0;
-    for (const lane of this.lanes) {
-      if (!lane.present) {
-        frames.extremes(lane.index, Math.max(frames.begin, frames.end - 2000), frames.end, this.pair);
-        lane.present = this.pair[0] <= this.pair[1];
-      }
-      lane.visible = lane.wanted && lane.present;
-      if (lane.visible) count += 1;
-    }
-    const each = this.plotHeight / Math.max(1, count);
-    this.titleHeight = Math.round(this.app.theme.small * 1.5);
-    let top = 0;
-    for (const lane of this.lanes) {
-      if (!lane.visible) continue;
-      // A strip above the trace is for its title.
-      lane.edge = top;
-      lane.top = top + this.titleHeight;
-      lane.height = Math.max(8, each - this.titleHeight);
-      top += each;
-    }
-  }
-
   clear() {
     for (const lane of this.lanes) {
       lane.present = false;
-      lane.limits.reset();
+      if (!lane.own.manual) lane.own.reset();
     }
     this.trigger.arm();
   }
 
   draw(now_ms) {
     this.#findWindow();
-    this.#placeLanes();
     const { frames } = this.app.store;
+    this.titleHeight = Math.round(this.app.theme.small * 1.5);
+    arrange(this.lanes, frames, this.pair);
+    place(this.lanes, this.plotHeight, this.titleHeight);
     frames.touched = 0;
     this.#fillColumns(frames);
-    for (const lane of this.lanes) {
-      lane.count = 0;
-      if (lane.visible && !frames.empty) this.#fillLane(lane, frames, now_ms);
-    }
+    for (const lane of this.lanes) lane.count = 0;
+    // A scale that is shared is that of the first of its channels, which is filled before the others.
+    const shown = frames.empty ? [] : this.lanes.filter((lane) => lane.visible);
+    for (const lane of shown) if (lane.limits === lane.own) this.#fillLane(lane, frames, now_ms);
+    for (const lane of shown) if (lane.limits !== lane.own) this.#fillLane(lane, frames, now_ms);
     this.#drawTraces();
     this.#drawAxes();
     this.#placeHandles();
+    this.hover.draw(frames);
   }
 
   // Rows of the frames at each edge of a column of one pixel. Columns start at whole multiples of their
@@ -158,8 +162,10 @@ export class Oscilloscope {
   #fillLane(lane, frames, now_ms) {
     if (this.dense) this.#summariseDense(lane, frames);
     else this.#summariseSparse(lane, frames);
-    if (!lane.manual) {
+    lane.alarm = Alarms.side(lane.bounds, this.pair[0], this.pair[1]);
+    if (!lane.limits.manual && lane.limits === lane.own) {
       const factor = this.#factor(lane);
+      if (this.lanes.some((one) => one !== lane && one.visible && one.limits === lane.limits)) sharedExtremes(this.lanes, lane, frames, this.fromRow, this.toRow, this.pair);
       lane.limits.follow(this.pair[0] * factor, this.pair[1] * factor, now_ms);
     }
     if (!lane.limits.known) return;
@@ -264,7 +270,7 @@ export class Oscilloscope {
     axes.font = font;
     axes.lineWidth = 1;
     this.#drawTimeAxis(axes, colours, small);
-    for (const lane of this.lanes) if (lane.visible) this.#drawLane(axes, lane);
+    for (const lane of this.lanes) if (lane.leader === lane) this.#drawLane(axes, lane);
     axes.strokeStyle = colours["strong-line"];
     axes.strokeRect(gutter + 0.5, 0.5, plotWidth - 1, plotHeight - 1);
     this.#drawMarkers(axes, colours, small);
@@ -304,6 +310,19 @@ export class Oscilloscope {
     if (this.#inUtc(frames)) return frames.utc_ms / 1e3;
     return frames.origin_ns === null ? 0 : Number(frames.origin_ns) / 1e9;
   }
+
+  // A time on screen by the chosen clock, to a ten-thousandth of the screen.
+  timeText(frames, at_ns) {
+    const step = this.span_ns / 1e9 / 1e4;
+    const at_s = at_ns / 1e9 + this.#origin_s(frames);
+    return this.#inUtc(frames) ? clockTick(at_s, step) : tick(at_s, step);
+  }
+
+  // Its unit.
+  timeUnit(frames) { return this.held ? "s after trigger" : this.#inUtc(frames) ? "UTC" : "s"; }
+
+  // A value [SI] of a lane in its unit, with a decimal more than the readings have.
+  valueText(lane, value) { return fixed(value * this.#factor(lane), Math.min(9, lane.decimals + 1)); }
 
   #inUtc(frames) { return !this.held && this.app.clock === "utc" && frames.utc_ms === frames.utc_ms; }
 
@@ -347,7 +366,7 @@ export class Oscilloscope {
   }
 
   #drawLane(axes, lane) {
-    const { colours, channel: traceColours, small, font, bold } = this.app.theme;
+    const { colours, small } = this.app.theme;
     const { limits, top, height, edge } = lane;
     if (edge > 0) {
       axes.strokeStyle = colours["strong-line"];
@@ -373,17 +392,9 @@ export class Oscilloscope {
       });
       axes.stroke();
     }
-    axes.textAlign = "left";
-    axes.textBaseline = "top";
-    axes.font = bold;
-    axes.fillStyle = traceColours[lane.index];
-    const unit = this.app.units.label(lane.channel.quantity);
-    lane.title = `${lane.channel.symbol}  ${lane.channel.name.toLowerCase()} (${unit})${lane.manual ? ", fixed scale" : ""}`;
-    axes.fillStyle = colours.panel;
-    axes.fillRect(this.gutter + 1, edge + 1, this.plotWidth - 2, this.titleHeight - 1);
-    axes.fillStyle = traceColours[lane.index];
-    axes.fillText(lane.title, this.gutter + 7, edge + 3);
-    axes.font = font;
+    const members = membersOf(this.lanes, lane);
+    drawTitle(axes, members, this);
+    for (const member of members) if (member.limits.known) this.alarms.draw(axes, member, this);
   }
 
   #drawTriggerLine(axes, colour) {
@@ -459,18 +470,18 @@ export class Oscilloscope {
     const to = frames.rowAt(this.left_ns + this.span_ns, from);
     const readings = [];
     for (const lane of this.lanes) {
-      lane.row.hidden = !lane.present;
+      lane.row.hidden = lane.boundsRow.hidden = !lane.present;
       if (!lane.present) continue;
-      this.#measure(lane, frames, from, to);
+      lane.measured.take(frames, lane.index, from, to);
       const factor = this.#factor(lane);
       const unit = this.app.units.label(lane.channel.quantity);
       const { last, low, high, mean, rms } = lane.measured;
       // Of the scale, which does not jitter.
       lane.decimals = decimalsFor(lane.limits.known ? Math.max(Math.abs(lane.limits.low), Math.abs(lane.limits.high)) : NaN);
-      setText(lane.button, `${lane.channel.name} (${unit})`);
+      setText(lane.button, withUnit(lane.channel.name, unit));
       const cells = lane.row.cells;
       [last, low, high, mean, rms].forEach((value, i) => setText(cells[i + 1], fixed(value * factor, lane.decimals)));
-      readings.push(`${lane.channel.name.toLowerCase()} ${fixed(last * factor, lane.decimals)} ${unit}`);
+      if (lane.wanted) readings.push(`${lane.channel.name.toLowerCase()} ${fixed(last * factor, lane.decimals)} ${unit}`);
     }
     this.summary = readings.length === 0 ? "No frames received yet." : readings.join(", ");
     const lost = frames.empty ? 0 : this.#lostInView(frames, from, to);
@@ -505,62 +516,29 @@ export class Oscilloscope {
     return (stepped[(to - 1) & frames.mask] - stepped[from & frames.mask]) / 1e9;
   }
 
-  #measure(lane, frames, from, to) {
-    const data = frames.values[lane.index];
-    const { mask } = frames;
-    let count = 0;
-    let sum = 0;
-    let low = Infinity;
-    let high = -Infinity;
-    for (let row = from; row < to; ++row) {
-      const value = data[row & mask];
-      if (value !== value) continue;
-      count += 1;
-      sum += value;
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-    const mean = sum / count;
-    let square = 0;
-    for (let row = from; row < to; ++row) {
-      const value = data[row & mask];
-      if (value === value) square += (value - mean) * (value - mean);
-    }
-    lane.measured ??= {};
-    lane.measured.last = frames.empty ? NaN : data[(frames.end - 1) & mask];
-    lane.measured.low = low;
-    lane.measured.high = high;
-    lane.measured.mean = mean;
-    lane.measured.rms = Math.sqrt(square / count);
-  }
-
   // --- cursors -------------------------------------------------------------------------------------
 
   cursorTime_ns(index) { return this.left_ns + this.cursors[index].part * this.span_ns; }
 
   #updateCursors(frames) {
     const [a, b] = [this.cursorTime_ns(0), this.cursorTime_ns(1)];
-    const origin_s = this.#origin_s(frames);
-    const utc = this.#inUtc(frames);
-    const step = this.span_ns / 1e9 / 1e4;
+    const unit = this.timeUnit(frames);
     const write = (row, ...texts) => texts.forEach((text, i) => setText(row.cells[i + 1], text));
-    const text = (at_ns) => (utc ? clockTick(at_ns / 1e9 + origin_s, step) : tick(at_ns / 1e9 + origin_s, step));
-    setText(this.cursorTime.cells[0], utc ? "UTC" : "t (s)");
-    write(this.cursorTime, text(a), text(b), number((b - a) / 1e9, 5));
+    setText(this.cursorTime.cells[0], unit === "UTC" ? unit : "t (s)");
+    write(this.cursorTime, this.timeText(frames, a), this.timeText(frames, b), number((b - a) / 1e9, 5));
     write(this.cursorRate, "", "", a === b ? "–" : number(1e9 / Math.abs(b - a), 5));
     this.cursors.forEach((cursor, i) => {
-      const time = text(i === 0 ? a : b) + (utc ? " UTC" : " s");
+      const time = `${this.timeText(frames, i === 0 ? a : b)} ${unit === "UTC" ? unit : "s"}`;
       cursor.element.setAttribute("aria-valuenow", cursor.part.toFixed(4));
       cursor.element.setAttribute("aria-valuetext", time);
     });
     for (const lane of this.lanes) {
       lane.cursorRow.hidden = !lane.visible;
       if (!lane.visible) continue;
-      const factor = this.#factor(lane);
-      const atA = frames.valueAt(lane.index, a) * factor;
-      const atB = frames.valueAt(lane.index, b) * factor;
-      setText(lane.cursorRow.cells[0], `${lane.channel.symbol} (${this.app.units.label(lane.channel.quantity)})`);
-      write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => fixed(value, Math.min(9, lane.decimals + 1))));
+      const atA = frames.valueAt(lane.index, a);
+      const atB = frames.valueAt(lane.index, b);
+      setText(lane.cursorRow.cells[0], withUnit(lane.channel.symbol, this.app.units.label(lane.channel.quantity)));
+      write(lane.cursorRow, ...[atA, atB, atB - atA].map((value) => this.valueText(lane, value)));
     }
   }
 
@@ -595,7 +573,24 @@ export class Oscilloscope {
     const lane = this.lanes[index];
     lane.wanted = !lane.wanted;
     setPressed(lane.button, lane.wanted);
-    this.#keep();
+    this.keep();
+    this.app.touch();
+  }
+
+  // Draws a channel in the lane of another, or in its own.
+  overlay(lane, host) {
+    moveInto(this.lanes, lane, host);
+    for (const one of this.lanes) if (!one.own.manual) one.own.reset();
+    this.alarms.show();
+    this.keep();
+    this.app.touch();
+  }
+
+  // Shows a lane whose data is other than before.
+  renewLane(lane, wanted) {
+    lane.present = false;
+    lane.own.reset();
+    if (wanted !== lane.wanted) this.toggleLane(lane.index);
     this.app.touch();
   }
 
@@ -610,7 +605,7 @@ export class Oscilloscope {
       this.#keepCursors(kept);
     }
     this.#showTimeBase();
-    this.#keep();
+    this.keep();
     this.app.touch();
   }
 
@@ -653,15 +648,15 @@ export class Oscilloscope {
     if (!limits.known) return;
     const middle = (limits.low + limits.high) / 2;
     const half = ((limits.high - limits.low) / 2) * factor;
-    this.lanes[index].manual = true;
+    limits.manual = true;
     limits.set(middle - half, middle + half);
+    this.keep();
     this.app.touch();
   }
 
   reset() {
     for (const lane of this.lanes) {
-      lane.manual = false;
-      lane.limits.reset();
+      lane.own.reset();
     }
     this.setSpan(10);
     if (this.app.paused) this.left_ns = this.app.store.frames.last_ns - this.span_ns;
@@ -670,9 +665,10 @@ export class Oscilloscope {
 
   unitsChanged() {
     for (const lane of this.lanes) {
-      lane.manual = false;
-      lane.limits.reset();
+      lane.own.reset();
     }
+    this.alarms.show();
+    this.keep();
     this.#showTrigger();
   }
 
@@ -736,14 +732,14 @@ export class Oscilloscope {
     this.levelHandle.setAttribute("aria-valuetext", `${number(trigger.level * this.#factor(lane))} ${unit}`);
   }
 
-  #partOf(event) {
+  partOf(event) {
     const box = this.screen.getBoundingClientRect();
     return (event.clientX - box.left - this.gutter) / this.plotWidth;
   }
 
   #laneAt(event) {
     const y = event.clientY - this.screen.getBoundingClientRect().top;
-    return this.lanes.find((lane) => lane.visible && y >= lane.edge && y < lane.top + lane.height);
+    return this.lanes.find((lane) => lane.leader === lane && y >= lane.edge && y < lane.top + lane.height);
   }
 
   #listen() {
@@ -756,11 +752,11 @@ export class Oscilloscope {
       const factor = Math.exp(Math.max(-0.5, Math.min(0.5, turn * 0.0015)));
       const lane = this.#laneAt(event);
       if (event.shiftKey && lane) this.scaleLane(lane.index, factor);
-      else this.setSpan(this.span_s * factor, this.#partOf(event));
+      else this.setSpan(this.span_s * factor, this.partOf(event));
     }, { passive: false });
     screen.addEventListener("dblclick", () => this.reset());
     this.#drag(screen, (event, start) => {
-      const part = this.#partOf(event);
+      const part = this.partOf(event);
       if (event.type === "pointerdown") { this.dragPart = part; return; }
       if (Math.abs(part - this.dragPart) * this.plotWidth < 3 && !start.moved) return;
       start.moved = true;
@@ -768,7 +764,7 @@ export class Oscilloscope {
       this.dragPart = part;
     });
     this.cursors.forEach((cursor, i) => {
-      this.#drag(cursor.element, (event) => { if (event.type === "pointermove") this.moveCursor(i, this.#partOf(event)); });
+      this.#drag(cursor.element, (event) => { if (event.type === "pointermove") this.moveCursor(i, this.partOf(event)); });
       cursor.element.addEventListener("keydown", (event) => {
         const step = event.shiftKey ? 20 : 1;
         const moves = { ArrowLeft: -step, ArrowRight: step };

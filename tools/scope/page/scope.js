@@ -112,6 +112,7 @@ class App {
     this.watch.heard();
     const restarted = this.live.addFrames(block);
     if (restarted) this.#restart();
+    this.scope.alarms.follow(this.live.frames, (block.flags & 2) !== 0);
     if ((block.flags & 2) === 0) this.pace.arrived(block.received_unix_ms);
     this.degraded = (block.flags & 1) !== 0;
     if (!this.paused) this.changed = true;
@@ -187,6 +188,7 @@ class App {
     this.changed = true;
     this.restarted = this.paused;
     this.rig.events.beginRun();
+    this.scope.alarms.clear();
     if (!this.paused) this.#clearPicture();
   }
 

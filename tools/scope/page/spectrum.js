@@ -1,36 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
-// The spectrum of one channel, with known frequencies marked.
+// The spectrum of one channel, or the frequency response between two, with known frequencies marked.
 
+import { decadeRange, decades, frequencyAxis } from "./decades.js";
 import { byId, fillSelect, setText, watchVisible } from "./elements.js";
-import { Fft, windowWeight } from "./fft.js";
-import { channels, duration, number, tick } from "./units.js";
+import { ResponsePlots, respond } from "./response.js";
+import { channels, duration, fixed, number, withUnit } from "./units.js";
 import uPlot from "./uPlot.esm.js";
+import { Welch, averages, gather } from "./welch.js";
 
 const lengths = [1024, 2048, 4096, 8192, 16384, 32768, 65536];
 const maxHarmonics = 7;
 const labelRows = 5; // above the plot: harmonics, drive, marks of the model
+const usual = { show: "spectrum", channel: 0, input: 4, length: 8192, averages: "off", window: "hann", quantity: "amplitude", axis: "log" };
+const numeric = ["channel", "input", "length"];
 
 export class Spectrum {
   constructor(app) {
     this.app = app;
     this.marks = []; // of the model, once it is known
     this.plot = null;
+    this.latest = null; // length, rows and pause of the latest transform
     this.zoom = null; // limits of the frequency that were chosen
-    this.chosen = { channel: 0, length: 8192, window: "hann", quantity: "amplitude", axis: "log", ...app.settings.get("spectrum") };
+    this.chosen = { ...usual, ...app.settings.get("spectrum") };
     this.element = byId("spectrum-plot");
     this.visible = watchVisible([this.element]);
-    fillSelect(byId("spectrum-channel"), channels.map((channel, i) => [i, channel.name]), this.chosen.channel);
-    fillSelect(byId("spectrum-length"), lengths.map((length) => [length, String(length)]), this.chosen.length);
-    for (const name of ["channel", "length", "window", "quantity", "axis"]) {
+    const names = channels.map((channel, i) => [i, channel.name]);
+    fillSelect(byId("spectrum-channel"), names);
+    fillSelect(byId("spectrum-input"), names);
+    fillSelect(byId("spectrum-length"), lengths.map((length) => [length, String(length)]));
+    for (const name of Object.keys(usual)) {
       const select = byId(`spectrum-${name}`);
       select.value = String(this.chosen[name]);
-      select.addEventListener("change", () => this.choose({ [name]: name === "channel" || name === "length" ? Number(select.value) : select.value }));
+      select.addEventListener("change", () => this.choose({ [name]: numeric.includes(name) ? Number(select.value) : select.value }));
     }
+    this.#showControls();
+  }
+
+  get isResponse() { return this.chosen.show === "response"; }
+
+  #showControls() {
+    this.element.dataset.show = this.chosen.show;
+    byId("spectrum-input").parentElement.hidden = !this.isResponse;
+    byId("spectrum-quantity").parentElement.hidden = this.isResponse;
+    setText(byId("spectrum-title"), this.isResponse ? "Frequency response" : "Spectrum");
+    this.element.setAttribute("aria-label", this.isResponse ? "Frequency response: magnitude, phase and coherence" : "Spectrum of the channel");
   }
 
   choose(change) {
     Object.assign(this.chosen, change);
     this.app.settings.set("spectrum", this.chosen);
+    this.#showControls();
     this.rebuild();
     this.update();
   }
@@ -40,119 +59,134 @@ export class Spectrum {
     if (this.plot) this.plot.redraw();
   }
 
-  // Rebuilds the plot after a change of theme, size, unit or axis.
+  // Rebuilds the plot after a change of theme, size, unit, axis or channel.
   rebuild() {
     this.plot?.destroy();
     this.plot = null;
+    this.latest = null;
+    this.read = "";
   }
 
   update() {
-    if (!this.visible(this.element) || !this.#transform()) return;
+    if (!this.visible(this.element)) return;
+    if (!this.#transform()) {
+      if (this.plot === null) setText(byId("spectrum-summary"), this.missing ?? "");
+      return;
+    }
     if (!this.plot) this.#build();
     else this.plot.setData(this.data, this.zoom === null);
     if (this.zoom !== null) this.plot.setScale("x", this.zoom);
     this.#describe();
   }
 
-  #prepare(length) {
-    if (this.fft?.size === length && this.windowName === this.chosen.window) return;
-    this.fft = new Fft(length);
-    this.windowName = this.chosen.window;
-    this.weights = new Float64Array(length);
-    let sum = 0;
-    let square = 0;
-    for (let i = 0; i < length; ++i) {
-      const weight = windowWeight(this.windowName, i, length);
-      this.weights[i] = weight;
-      sum += weight;
-      square += weight * weight;
+  #prepare(length, span) {
+    if (this.welch?.length !== length || this.welch.window !== this.chosen.window) this.welch = new Welch(length, this.chosen.window);
+    if (this.samples?.length !== span) {
+      this.samples = new Float64Array(span);
+      this.inputs = new Float64Array(span);
     }
-    this.coherentGain = sum;
-    this.noiseGain = square;
-    this.data = [new Float64Array(length / 2 - 1), new Float64Array(length / 2 - 1)];
+    const lines = length / 2 - 1;
+    if (this.data?.length !== (this.isResponse ? 4 : 2) || this.data[0].length !== lines) {
+      // uPlot takes null for no value, which typed arrays cannot hold.
+      this.data = [new Float64Array(lines), ...Array.from({ length: this.isResponse ? 3 : 1 }, () => (this.isResponse ? new Array(lines) : new Float64Array(lines)))];
+    }
   }
 
-  // The newest 2^k frames, or of a pause those of the window that is seen; frames that were lost are replaced by the one before, and counted.
+  // The newest frames, or of a pause those of the window that is seen. Returns true if there is anything new to
+  // draw. Averages are taken anew after an eighth of a segment only, since they cost many transforms.
   #transform() {
     const { frames } = this.app.store;
     const rate = frames.rate_hz;
     const { from, to } = this.app.seen();
     this.end = to;
-    const held = to - from;
+    const { segments: most, share } = averages[this.chosen.averages] ?? averages.off;
     let { length } = this.chosen;
-    while (length > held && length > 256) length /= 2;
-    if (!(rate > 0) || length > held) return false;
-    this.#prepare(length);
-    const { real } = this.fft;
-    this.lost = this.#gather(frames, length, real);
-    let mean = 0;
-    for (let i = 0; i < length; ++i) mean += real[i];
-    mean /= length;
-    if (!Number.isFinite(mean)) return false;
-    for (let i = 0; i < length; ++i) real[i] = (real[i] - mean) * this.weights[i];
-    this.fft.run();
-    this.#scale(length, rate);
+    while (length > to - from && length > 256) length /= 2;
+    this.missing = "Too few frames.";
+    if (!(rate > 0) || length > to - from) return false;
+    const fresh = this.latest?.length === length && this.latest.paused === this.app.paused;
+    if (most > 1 && fresh && to >= this.latest.end && to - this.latest.end < length / 8 && (!this.app.paused || this.latest.from === from)) return false;
+    this.#prepare(length, length);
+    const segments = this.welch.fitting(to - from, most);
+    this.#prepare(length, this.welch.span(segments));
+    if (!this.#gather(frames)) return false;
+    if (this.isResponse) this.welch.run(this.inputs, this.samples, segments, share);
+    else this.welch.run(this.samples, null, segments, share);
+    this.length = length;
+    this.rate_hz = rate;
+    this.latest = { length, end: to, from, paused: this.app.paused };
+    this.#scale();
     return true;
   }
 
-  #gather(frames, length, into) {
-    const data = frames.values[this.chosen.channel];
-    const { mask } = frames;
-    const { sequence } = frames.columns;
-    let row = this.end - 1;
-    const newest = sequence[row & mask];
-    let lost = 0;
-    let last = data[row & mask];
-    for (let i = length - 1; i >= 0; --i) {
-      const wanted = newest - (length - 1 - i);
-      while (row > frames.begin && sequence[row & mask] > wanted) row -= 1;
-      const value = data[row & mask];
-      if (sequence[row & mask] !== wanted || value !== value) lost += 1;
-      if (value === value) last = value;
-      into[i] = last;
-    }
-    return lost;
+  // False if a channel was not measured.
+  #gather(frames) {
+    const { channel, input } = this.chosen;
+    this.lost = gather(frames, channel, this.end, this.samples);
+    if (this.isResponse) this.lost = Math.max(this.lost, gather(frames, input, this.end, this.inputs));
+    const absent = !Number.isFinite(this.samples[0]) ? channel : this.isResponse && !Number.isFinite(this.inputs[0]) ? input : null;
+    if (absent === null) return true;
+    this.missing = `${channels[absent].name} is not measured.`;
+    return false;
   }
 
-  #scale(length, rate) {
-    const { real, imaginary } = this.fft;
-    const factor = this.app.units.factor(channels[this.chosen.channel].quantity);
+  #factor(channel) { return this.app.units.factor(channels[channel].quantity); }
+  #unit(channel) { return this.app.units.label(channels[channel].quantity); }
+
+  #scale() {
+    const { welch, length, rate_hz: rate } = this;
+    const factor = this.#factor(this.chosen.channel);
+    if (this.isResponse) {
+      respond(welch, rate, factor / this.#factor(this.chosen.input), this.data);
+      return;
+    }
     // Amplitude: the peak value of a sine. Density: its root, one-sided.
-    const scale = this.chosen.quantity === "amplitude" ? (2 * factor) / this.coherentGain : factor * Math.sqrt(2 / (rate * this.noiseGain));
+    const scale = this.chosen.quantity === "amplitude" ? (2 * factor) / welch.coherentGain : factor * Math.sqrt(2 / (rate * welch.noiseGain));
     const [frequency, value] = this.data;
     for (let i = 1; i < length / 2; ++i) {
       frequency[i - 1] = (i * rate) / length;
-      value[i - 1] = Math.max(1e-30, Math.hypot(real[i], imaginary[i]) * scale);
+      value[i - 1] = Math.max(1e-30, Math.sqrt(welch.xx[i]) * scale);
     }
-    this.length = length;
-    this.rate_hz = rate;
+  }
+
+  // The unit of what is drawn.
+  get unit() {
+    const unit = this.#unit(this.chosen.channel);
+    if (this.isResponse) return this.#unit(this.chosen.input) === "" ? unit : `${unit || "1"}/${this.#unit(this.chosen.input)}`;
+    return this.chosen.quantity === "amplitude" ? unit : `${unit || "1"}/√Hz`;
   }
 
   #build() {
-    const { theme, units } = this.app;
-    const { colours, font } = theme;
-    const channel = channels[this.chosen.channel];
-    const unit = units.label(channel.quantity);
+    if (this.isResponse) this.#buildResponse();
+    else this.#buildSpectrum();
+  }
+
+  get #top() { return this.app.theme.small * 1.2 * labelRows + 2; } // for the labels of the marks
+
+  #buildSpectrum() {
+    const { theme } = this.app;
     const box = this.element.getBoundingClientRect();
-    const axis = { stroke: colours.quiet, font, labelFont: font, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line, width: 1 } };
-    const log = this.chosen.axis === "log";
-    const round = (value) => (value === null || (log && !isRound(value)) ? "" : tick(value, value || 1));
+    const { axis, x, xScale } = frequencyAxis(theme, this.chosen.axis === "log", () => this.zoom);
     this.plot = new uPlot({
       width: Math.floor(box.width), height: Math.floor(box.height),
       legend: { show: false },
-      padding: [theme.small * 1.2 * labelRows + 2, null, null, null], // for the labels of the marks
+      padding: [this.#top, null, null, null],
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false }, bind: { dblclick: () => () => this.setZoom(null) } },
-      scales: {
-        x: { time: false, distr: log ? 3 : 1, range: (plot, low, high) => (this.zoom !== null ? [this.zoom.min, this.zoom.max] : log ? [Math.max(low, 0.1), high] : [low, high]) },
-        y: { distr: 3, range: (plot, low, high) => this.#range(low, high) },
-      },
-      axes: [
-        { ...axis, label: "frequency (Hz)", labelSize: theme.small * 1.7, size: theme.small * 2.4, values: (plot, list) => list.map(round) },
-        { ...axis, label: `${channel.symbol} (${this.chosen.quantity === "amplitude" ? unit : `${unit}/√Hz`})`, labelSize: theme.small * 1.7, size: theme.small * 4.6, values: (plot, list) => list.map((v) => (v === null ? "" : powerOfTen(v))) },
-      ],
-      series: [{}, { stroke: colours[`c${this.chosen.channel}`], width: theme.large ? 2 : 1.2, points: { show: false } }],
+      scales: { x: xScale, y: { distr: 3, range: (plot, low, high) => decadeRange(low, high) } },
+      axes: [x, { ...axis, label: withUnit(channels[this.chosen.channel].symbol, this.unit), labelSize: theme.small * 1.7, size: theme.small * 4.6, values: decades.values }],
+      series: [{}, { stroke: theme.channel[this.chosen.channel], width: theme.large ? 2 : 1.2, points: { show: false } }],
       hooks: { draw: [(plot) => this.#drawMarks(plot)], setCursor: [(plot) => this.#readOff(plot)], setSelect: [(plot) => this.#zoomTo(plot)] },
     }, this.data, this.element);
+  }
+
+  #buildResponse() {
+    const { channel, input } = this.chosen;
+    this.plot = new ResponsePlots(this.element, this.app.theme, this.data, {
+      log: this.chosen.axis === "log", colour: this.app.theme.channel[channel], top: this.#top,
+      label: withUnit(`${channels[channel].symbol}/${channels[input].symbol}`, this.unit),
+      zoom: () => this.zoom, onZoom: (zoom) => this.setZoom(zoom), onSelect: (plot) => this.#zoomTo(plot),
+      onCursor: (plot) => this.#readOff(plot), onDraw: (plot) => this.#drawMarks(plot),
+    });
   }
 
   #zoomTo(plot) {
@@ -165,14 +199,8 @@ export class Spectrum {
   // Holds until a double click.
   setZoom(zoom) {
     this.zoom = zoom;
+    this.latest = null;
     this.update();
-  }
-
-  // Ten decades at most, so that an empty bin does not compress the rest.
-  #range(low, high) {
-    if (!(high > 0)) return [1e-6, 1];
-    const top = 10 ** Math.ceil(Math.log10(high) + 0.15);
-    return [Math.max(10 ** Math.floor(Math.log10(low)), top / 1e8), top];
   }
 
   // Known frequencies by name; the drive and its harmonics by their order.
@@ -212,9 +240,10 @@ export class Spectrum {
 
   #readOff(plot) {
     const { idx } = plot.cursor;
-    const unit = this.app.units.label(channels[this.chosen.channel].quantity);
-    this.read = idx === null || idx === undefined ? ""
-      : `At ${number(this.data[0][idx])} Hz: ${number(this.data[1][idx], 3)} ${this.chosen.quantity === "amplitude" ? unit : `${unit}/√Hz`}. `;
+    const value = idx === null || idx === undefined ? undefined : this.data[1][idx];
+    const [, , phase, coherence] = this.data.map((list) => list[idx]);
+    this.read = value === undefined ? ""
+      : `At ${number(this.data[0][idx])} Hz: ${number(value, 3)} ${this.unit}${this.isResponse ? `, ${fixed(phase, 1)}°` : ""}${Number.isFinite(coherence) ? `, coherence ${fixed(coherence, 3)}` : ""}. `;
     this.#describe();
   }
 
@@ -222,21 +251,11 @@ export class Spectrum {
     const [frequency, value] = this.data;
     let peak = 0;
     for (let i = 1; i < value.length; ++i) if (value[i] > value[peak]) peak = i;
+    const { segments } = this.welch;
     const lost = this.lost > 0 ? ` ${this.lost} missing values were filled.` : "";
+    const few = this.isResponse && segments < 2 ? " Coherence needs an average." : "";
     this.peak_hz = frequency[peak];
-    setText(byId("spectrum-summary"), `${this.read ?? ""}Largest at ${number(frequency[peak])} Hz. ${this.length} frames, ` +
-      `${duration(this.length / this.rate_hz)}, lines ${number(this.rate_hz / this.length, 3)} Hz apart.${lost}`);
+    setText(byId("spectrum-summary"), `${this.read ?? ""}Largest at ${number(frequency[peak])} Hz. ${segments > 1 ? `${segments} × ` : ""}${this.length} frames, ` +
+      `${duration(this.samples.length / this.rate_hz)}, lines ${number(this.rate_hz / this.length, 3)} Hz apart.${few}${lost}`);
   }
-}
-
-// 1, 2 or 5 times a power of ten.
-function isRound(value) {
-  const part = value / 10 ** Math.floor(Math.log10(value) + 1e-9);
-  return [1, 2, 5].some((digit) => Math.abs(part - digit) < 1e-6);
-}
-
-function powerOfTen(value) {
-  const power = Math.round(Math.log10(value));
-  if (Math.abs(value / 10 ** power - 1) > 1e-6) return "";
-  return power >= -3 && power <= 3 ? String(10 ** power) : `10${[...String(power)].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻").join("")}`;
 }

@@ -2,6 +2,9 @@
 // The received data in rings of typed arrays: no object per sample, and no growth once a ring spans the
 // required time.
 
+import { Derived } from "./derived.js";
+import { channels, measuredCount } from "./units.js";
+
 const lowWord = 2 ** 32;
 
 // Rows of numbers by time. Row numbers start at 0 and never wrap: `begin` is the oldest row that is
@@ -89,23 +92,25 @@ export class Ring {
 
 const fineShift = 4;
 const coarseShift = 9;
+const channelCount = channels.length;
+const each = [...channels.keys()];
 
 // Frames with the extremes of every 16 and every 512 rows, so that drawing a minute costs as much as
 // drawing a second.
 export class FrameStore extends Ring {
   constructor(options) {
-    super(["sequence", "stepped", "c0", "c1", "c2", "c3", "c4", "c5"], { rows: 2 ** 17, ...options });
+    super(["sequence", "stepped", ...each.map((channel) => `c${channel}`)], { rows: 2 ** 17, ...options });
     this.lost = 0;
     this.steps = 0; // of the time
     this.pair = new Float64Array(2);
     this.touched = 0; // values looked at by extremes(): what drawing costs
   }
 
-  get bytes() { return super.bytes + this.fineLow.length * 6 * 16 + this.coarseLow.length * 6 * 16; }
+  get bytes() { return super.bytes + (this.fineLow[0].length + this.coarseLow[0].length) * channelCount * 16; }
 
   allocated() {
-    this.values = [0, 1, 2, 3, 4, 5].map((channel) => this.columns[`c${channel}`]);
-    const make = (shift) => [0, 1, 2, 3, 4, 5].map(() => new Float64Array(this.rows >> shift));
+    this.values = each.map((channel) => this.columns[`c${channel}`]);
+    const make = (shift) => each.map(() => new Float64Array(this.rows >> shift));
     this.fineLow = make(fineShift);
     this.fineHigh = make(fineShift);
     this.coarseLow = make(coarseShift);
@@ -113,20 +118,23 @@ export class FrameStore extends Ring {
   }
 
   regrown() {
-    for (let row = this.begin; row < this.end; ++row) this.#summarise(row, row === this.begin);
+    this.#summariseAll(this.begin, 0, channelCount);
   }
 
   copied(other) {
-    for (let channel = 0; channel < 6; ++channel) {
+    for (const channel of each) {
       for (const name of ["fineLow", "fineHigh", "coarseLow", "coarseHigh"]) this[name][channel].set(other[name][channel]);
     }
     this.lost = other.lost;
     this.steps = other.steps;
     this.utc_ms = other.utc_ms;
+    this.derived.copy(other.derived);
   }
 
   clear() {
     super.clear();
+    this.derived ??= new Derived(); // before the constructor has ended
+    this.derived.clear();
     this.lost = 0;
     this.steps = 0;
     this.period_ns = NaN;
@@ -155,13 +163,29 @@ export class FrameStore extends Ring {
     return sequence[later & mask] - sequence[earlier & mask] > later - earlier || stepped[later & mask] !== stepped[earlier & mask];
   }
 
-  #summarise(row, first) {
+  #summariseAll(from, firstChannel, pastChannel) {
+    for (let row = from; row < this.end; ++row) this.#summarise(row, row === this.begin, firstChannel, pastChannel);
+  }
+
+  // Derives channels anew from a row on.
+  #derive(from) {
+    this.derived.fill(this, from);
+    this.#summariseAll(from, measuredCount, channelCount);
+  }
+
+  // Of the user's; see expression.js.
+  setExpression(expression) {
+    this.derived.expression = expression;
+    this.#derive(this.begin);
+  }
+
+  #summarise(row, first, firstChannel, pastChannel) {
     const at = row & this.mask;
     const fine = at >> fineShift;
     const coarse = at >> coarseShift;
     const fineFirst = first || (at & ((1 << fineShift) - 1)) === 0;
     const coarseFirst = first || (at & ((1 << coarseShift) - 1)) === 0;
-    for (let channel = 0; channel < 6; ++channel) {
+    for (let channel = firstChannel; channel < pastChannel; ++channel) {
       const value = this.values[channel][at];
       if (fineFirst) { this.fineLow[channel][fine] = Infinity; this.fineHigh[channel][fine] = -Infinity; }
       if (coarseFirst) { this.coarseLow[channel][coarse] = Infinity; this.coarseHigh[channel][coarse] = -Infinity; }
@@ -202,9 +226,10 @@ export class FrameStore extends Ring {
       const at = this.push(time_ns);
       this.columns.sequence[at] = sequence;
       this.columns.stepped[at] = stepped;
-      for (let channel = 0; channel < 6; ++channel) this.values[channel][at] = numbers[channel * count + i];
-      this.#summarise(this.end - 1, this.end - 1 === this.begin);
+      for (let channel = 0; channel < measuredCount; ++channel) this.values[channel][at] = numbers[channel * count + i];
+      this.#summarise(this.end - 1, this.end - 1 === this.begin, 0, measuredCount);
     }
+    this.#derive(this.derived.from(this));
     if ((block.flags & 2) === 0 && !this.empty) {
       const utc_ms = block.received_unix_ms - this.last_ns / 1e6;
       if (!(this.utc_ms < utc_ms)) this.utc_ms = utc_ms;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light and dark, text size, and the colours of the style sheet for canvases.
 
-const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad",
-  "c0", "c1", "c2", "c3", "c4", "c5"];
+const names = ["ink", "quiet", "line", "strong-line", "panel", "accent", "band", "mark", "good", "bad", "bad-ground",
+  "c0", "c1", "c2", "c3", "c4", "c5", "c6", "c7", "c8"];
 const order = ["auto", "light", "dark"];
 
 export class Theme {
@@ -41,7 +41,7 @@ export class Theme {
     root.dataset.large = this.large ? "yes" : "no";
     const style = getComputedStyle(root);
     for (const name of names) this.colours[name] = style.getPropertyValue(`--${name}`).trim();
-    this.channel = [0, 1, 2, 3, 4, 5].map((i) => this.colours[`c${i}`]);
+    this.channel = names.filter((name) => /^c\d$/.test(name)).map((name) => this.colours[name]);
     const size = parseFloat(style.fontSize) || 16;
     this.rem = size;
     this.small = Math.round(size * 0.75);

@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// The channels of a frame in their order on the wire, and their display units.
+// The channels of a frame in their order on the wire, then those that the page derives, and their display
+// units. The `id` is that in addresses.
 
 export const channels = [
-  { key: "displacement", name: "Displacement", symbol: "x", quantity: "length" },
-  { key: "velocity", name: "Velocity", symbol: "v", quantity: "velocity" },
-  { key: "friction_force", name: "Friction force", symbol: "F", quantity: "force" },
-  { key: "normal_load", name: "Normal load", symbol: "N", quantity: "force" },
-  { key: "base_displacement", name: "Base displacement", symbol: "b", quantity: "length" },
-  { key: "drive_force", name: "Drive force", symbol: "D", quantity: "force" },
+  { key: "displacement", id: "x", name: "Displacement", symbol: "x", quantity: "length" },
+  { key: "velocity", id: "v", name: "Velocity", symbol: "v", quantity: "velocity" },
+  { key: "friction_force", id: "F", name: "Friction force", symbol: "F", quantity: "force" },
+  { key: "normal_load", id: "N", name: "Normal load", symbol: "N", quantity: "force" },
+  { key: "base_displacement", id: "b", name: "Base displacement", symbol: "b", quantity: "length" },
+  { key: "drive_force", id: "D", name: "Drive force", symbol: "D", quantity: "force" },
+  { key: "coefficient", id: "mu", name: "Friction coefficient", symbol: "μ", quantity: "ratio" },
+  { key: "power", id: "P", name: "Power of friction", symbol: "P", quantity: "power" },
+  { key: "expression", id: "e", name: "Expression", symbol: "=", quantity: "ratio" },
 ];
+export const measuredCount = 6; // the first ones; see derived.js for the others
 
 const systems = {
-  mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1] },
-  m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1] },
+  mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1], power: ["mW", 1e3] },
+  m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1], power: ["W", 1] },
 };
 
 // Shown value = value in SI units * factor(quantity).
@@ -25,6 +30,9 @@ export class Units {
   label(quantity) { return (systems[this.#system][quantity] ?? [quantity === "ratio" ? "" : quantity])[0]; }
   factor(quantity) { return (systems[this.#system][quantity] ?? ["", 1])[1]; }
 }
+
+// A name with its unit, if it has one.
+export function withUnit(name, unit) { return unit === "" ? name : `${name} (${unit})`; }
 
 const dash = "–";
 const minus = "\u2212";
