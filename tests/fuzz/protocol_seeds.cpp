@@ -55,12 +55,7 @@ void write_log_of_a_daemon(const protocol::Recording& recording,
   if (!writer.close()) throw std::runtime_error("no log");
 }
 
-void write_seeds(const std::filesystem::path& folder) {
-  const std::filesystem::path logs = folder / "logs";
-  const std::filesystem::path messages = folder / "messages";
-  std::filesystem::create_directories(logs);
-  std::filesystem::create_directories(messages);
-
+protocol::Recording some_recording() {
   protocol::Recording recording;
   for (int i = 0; i < 12; ++i) {
     Frame frame;
@@ -71,10 +66,18 @@ void write_seeds(const std::filesystem::path& folder) {
     recording.frames.push_back(frame);
   }
   recording.description = {1, "bench", "stickslipd", "0.1.0", "[rig]\n", "schema = 1\n"};
+  return recording;
+}
+
+void write_logs(const protocol::Recording& recording, const std::filesystem::path& logs) {
+  std::filesystem::create_directories(logs);
   protocol::write_log(recording, logs / "good.log", 4);
   protocol::write_log(recording, logs / "one_frame_blocks.log", 1);
   write_log_of_a_daemon(recording, logs / "daemon.log");
+}
 
+void write_messages(const protocol::Recording& recording, const std::filesystem::path& messages) {
+  std::filesystem::create_directories(messages);
   frame_block_t block;
   protocol::to_block(recording.frames, block);
   write(messages / "frame_block", block);
@@ -125,7 +128,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    write_seeds(argv[1]);
+    const std::filesystem::path folder = argv[1];
+    const protocol::Recording recording = some_recording();
+    write_logs(recording, folder / "logs");
+    write_messages(recording, folder / "messages");
     return 0;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "protocol_seeds: %s\n", error.what());

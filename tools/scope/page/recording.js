@@ -53,7 +53,7 @@ export class RecordingState {
 
   get endsSoon() { return this.left_s < soon_s; }
 
-  // What the chip adds to "recording": the length, and the time that is left once it is short.
+  // Of the chip, behind "recording": the length, and the time that is left once it is short.
   get summary() {
     if (!this.#latest) return "";
     const length = ` ${clockTime(this.#latest.length_us / 1e6)}`;
