@@ -50,11 +50,14 @@ config::Excitation settings_of_samples(const config::Excitation& configured) {
 
 Command DriveChange::propose(const config::Rig& rig, DriveSamples samples) {
   if (proposed_) refuse("is being changed by another command; try again");
-  if (!rig.excitation.enabled) refuse("is off: excitation.enabled is false");
+  if (!samples.values.empty() && !rig.excitation.enabled) {
+    refuse("is off: excitation.enabled is false");
+  }
   before_ = configured_ ? *configured_ : rig.excitation;
   if (samples.values.empty()) {
     settings_ = before_;
-    proposed_ = std::make_unique<Excitation>(settings_, driven_rig(rig));
+    proposed_ = std::move(replaced_);
+    if (!proposed_) proposed_ = std::make_unique<Excitation>(settings_, driven_rig(rig));
   } else {
     settings_ = settings_of_samples(before_);
     proposed_ = std::make_unique<Excitation>(settings_, driven_rig(rig), file_of(samples), name);
@@ -67,10 +70,18 @@ Command DriveChange::propose(const config::Rig& rig, DriveSamples samples) {
 }
 
 std::optional<config::Excitation> DriveChange::finish(const Answer& answer) {
-  proposed_.reset();
-  if (!answer.accepted) return std::nullopt;
-  configured_.reset();
-  if (!samples_.values.empty()) configured_ = before_;
+  std::unique_ptr<Excitation> exchanged = std::move(proposed_);
+  const bool has_samples = !samples_.values.empty();
+  if (!answer.accepted) {
+    if (!has_samples && configured_) replaced_ = std::move(exchanged);
+    return std::nullopt;
+  }
+  if (has_samples) {
+    if (!configured_) replaced_ = std::move(exchanged);
+    configured_ = before_;
+  } else {
+    configured_.reset();
+  }
   return settings_;
 }
 

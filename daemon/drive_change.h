@@ -25,8 +25,8 @@ struct DriveSamples {
 class DriveChange {
  public:
   /// A command to the loop with a drive for this rig. Throws InputError for samples that are no
-  /// drive or exceed the rig's limits, where excitation.enabled is false, and while a proposal is
-  /// not answered.
+  /// drive or exceed the rig's limits, or where excitation.enabled is false, and while a proposal
+  /// is not answered. The return of the configured drive is always possible otherwise.
   Command propose(const config::Rig& rig, DriveSamples samples);
 
   /// The loop's answer to the latest proposal; also to be called, with a refusal, if the command
@@ -42,7 +42,9 @@ class DriveChange {
   config::Excitation settings_;                   // of the proposal
   config::Excitation before_;                     // configured, when it was made
   std::optional<config::Excitation> configured_;  // while the loop plays samples
-  std::unique_ptr<Excitation> proposed_;          // until its answer
+  // The configured drive meanwhile: its return cannot fail, whatever became of its file.
+  std::unique_ptr<Excitation> replaced_;
+  std::unique_ptr<Excitation> proposed_;  // until its answer
 };
 
 /// "drive_changed", with the number of samples and their duration. `answer`: the loop's.

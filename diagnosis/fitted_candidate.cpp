@@ -36,6 +36,8 @@ double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
     for (const physics::ParameterCard& card : term.effect->card().parameters) {
       if (!card.fixed_default) parameters += 1.0;
     }
+    // One of several channels: a choice that the readings made, like a number.
+    if (term.place.from) parameters += 1.0;
   }
   for (std::size_t u = 0; u < each.hypothesis->unknowns().size(); ++u) {
     const Unknown& unknown = each.hypothesis->unknowns()[u];

@@ -25,8 +25,8 @@ struct FittedCandidate {
   double total_loss() const { return held_out.total_loss(); }
 };
 
-/// Complexity [nat]: one for every parameter that the effects need and every hidden state,
-/// Criteria::unlisted_complexity for unlisted physics, and
+/// Complexity [nat]: one for every parameter that the effects need, every channel that they take
+/// from and every hidden state, Criteria::unlisted_complexity for unlisted physics, and
 /// Criteria::contradiction_complexity for an effect that frees what is declared.
 double complexity_of(const FittedCandidate& each, const Criteria& criteria);
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "diagnosis/fitted_candidate.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -36,6 +37,22 @@ TEST(CandidateEffects, AreMissingFromTheModelAndVisibleInTheChannels) {
   EXPECT_FALSE(holds(names, "gain_error of velocity")) << "it is not recorded";
   EXPECT_FALSE(holds(names, "crosstalk of displacement from velocity"));
   EXPECT_FALSE(holds(names, "load_cell_resonance"));
+}
+
+double complexity_with(const char* id, const physics::Place& place) {
+  FittedCandidate fitted;
+  fitted.candidate.effect = physics::find_effect(id);
+  fitted.candidate.place = place;
+  const Hypothesis declared(driven_mass());
+  fitted.hypothesis = extended(declared, fitted.candidate, std::vector{0.01}, {}, Detail::coarse);
+  return complexity_of(fitted, {});
+}
+
+// A constant load that crosses into another channel reads like an offset of it: the simpler one is
+// to be preferred.
+TEST(Complexity, OfACrosstalkIsAboveThatOfAnOffset) {
+  EXPECT_GT(complexity_with("crosstalk", {Channel::displacement, Channel::normal_load}),
+            complexity_with("sensor_offset", {Channel::displacement, {}}));
 }
 
 }  // namespace
