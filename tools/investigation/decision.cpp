@@ -68,8 +68,8 @@ Decision decide(const Study& study, std::size_t steps, const std::optional<NextR
   }
   if (!asks && steps >= most_without_question) {
     return {Ending::no_gain,
-            "one hypothesis is left, and it does not explain the recordings: no run would separate "
-            "it from another"};
+            "one hypothesis is left, which is not certain or does not explain the recordings, and "
+            "no run would separate it from another"};
   }
   return {};
 }
