@@ -354,7 +354,7 @@ void set_segments(Experiment& e, const Source& source) {
   e.usable_end = e.segments.back().usable_end;
 }
 
-enum class Mains : std::uint8_t { kept, removed };
+enum class Purpose : std::uint8_t { input, guess };
 
 // A signal on all samples, 0 outside the segments.
 class SegmentSignals {
@@ -395,9 +395,10 @@ class SegmentSignals {
   double acceleration_square_ = 0.0;
 };
 
-// Before the filters of the channel. Without mains lines, which would corrupt a velocity, for
-// guesses only: the readings that models are compared with keep them.
-WideBand reconstructed(const Experiment& e, const Source& source, Channel channel, Mains mains) {
+// Before the filters of the channel. Guesses are without mains lines, which would corrupt a
+// velocity, and of motions without lines; the readings that models are compared with keep theirs.
+WideBand reconstructed(const Experiment& e, const Source& source, Channel channel,
+                       Purpose purpose) {
   constexpr std::size_t fewest = 16;
   SegmentSignals out(e);
   const double period_s = e.period_s * source.of(channel).spacing;
@@ -405,9 +406,14 @@ WideBand reconstructed(const Experiment& e, const Source& source, Channel channe
   for (const Segment& segment : e.segments) {
     Series series = series_over(source.of(channel), source.grid, {segment.begin, segment.end});
     if (series.value.size() < fewest) continue;
-    if (mains == Mains::removed) series.value = without_mains(std::move(series.value), period_s);
-    out.add(segment, series,
-            wide_band(series.value, period_s, chain, e.noise_std[index_of(channel)]));
+    const double white_std = e.noise_std[index_of(channel)];
+    NoiseFloor noise(white_std);
+    if (purpose == Purpose::guess) {
+      series.value = without_mains(std::move(series.value), period_s);
+    } else {
+      noise = NoiseFloor(series.value, period_s, white_std);
+    }
+    out.add(segment, series, wide_band(series.value, period_s, chain, noise));
   }
   return out.result();
 }
@@ -415,7 +421,7 @@ WideBand reconstructed(const Experiment& e, const Source& source, Channel channe
 // An input as it acted, before the filters of its channel.
 std::vector<double> unfiltered(const Experiment& e, const Source& source, Channel channel) {
   if (!source.filters(channel).empty()) {
-    return reconstructed(e, source, channel, Mains::kept).value;
+    return reconstructed(e, source, channel, Purpose::input).value;
   }
   SegmentSignals out(e);
   for (const Segment& segment : e.segments) {
@@ -441,13 +447,13 @@ WideBandSignals wide_band_signals(const Experiment& e, const Source& source) {
   WideBandSignals out;
   const Excitation excitation = source.excitation();
   out.displacement = excitation == Excitation::imposed
-                         ? reconstructed(e, source, Channel::displacement, Mains::kept)
-                         : reconstructed(e, source, Channel::displacement, Mains::removed);
+                         ? reconstructed(e, source, Channel::displacement, Purpose::input)
+                         : reconstructed(e, source, Channel::displacement, Purpose::guess);
   if (excitation == Excitation::base) {
-    out.base = reconstructed(e, source, Channel::base_displacement, Mains::kept);
+    out.base = reconstructed(e, source, Channel::base_displacement, Purpose::input);
   }
   if (source.recorded(Channel::friction_force)) {
-    out.friction = reconstructed(e, source, Channel::friction_force, Mains::removed);
+    out.friction = reconstructed(e, source, Channel::friction_force, Purpose::guess);
   }
   if (excitation == Excitation::force) out.drive_n = unfiltered(e, source, Channel::drive_force);
   if (source.recorded(Channel::normal_load)) {

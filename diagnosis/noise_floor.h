@@ -2,6 +2,7 @@
 // The noise beneath the lines of a spectrum, of any colour.
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -13,10 +14,15 @@ namespace stickslip::diagnosis {
 /// itself, such as a sweep: the noise is white then.
 class NoiseFloor {
  public:
+  /// White noise.
+  explicit NoiseFloor(double noise_std) : white_(noise_std * noise_std) {}
   NoiseFloor(std::span<const double> samples, double period_s, double noise_std);
 
   /// [units of the samples, squared]
   double at(double frequency_hz) const;
+
+  /// Standard deviation of the white noise [units of the samples].
+  double white_std() const { return std::sqrt(white_); }
 
  private:
   double white_ = 0.0;

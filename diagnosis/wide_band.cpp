@@ -230,14 +230,14 @@ void add_inverse_filtered(WideBand& out, const Exponential& each, double period_
 // For lengths that are fast to transform. Zero padding to such a length would give the odd
 // extension a kink.
 WideBand wide_band_of_fast_length(std::span<const double> samples, double period_s,
-                                  const physics::FilterChain& chain, double noise_std) {
+                                  const physics::FilterChain& chain, const NoiseFloor& noise) {
   const std::size_t n = samples.size();
   const std::size_t half = n - 1;  // half a period of the odd extension
 
   // The odd extension would have a kink in its second derivative at both ends, which rings far into
   // the acceleration. Exponentials with that curvature are subtracted here and added,
   // inverse-filtered exactly, at the end.
-  const std::vector<Exponential> curvatures = end_curvatures(samples, period_s, noise_std);
+  const std::vector<Exponential> curvatures = end_curvatures(samples, period_s, noise.white_std());
   std::vector<double> rest(samples.begin(), samples.end());
   for (std::size_t i = 0; i < n; ++i) {
     for (const Exponential& each : curvatures)
@@ -247,7 +247,6 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const std::vector<double> odd = odd_extension(rest, line);
 
   const std::vector<std::complex<double>> spectrum = fourier(odd);
-  const NoiseFloor noise(rest, period_s, noise_std);
   const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise);
 
   WideBand out;
@@ -272,13 +271,18 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
 
 WideBand wide_band(std::span<const double> samples, double period_s,
                    const physics::FilterChain& chain, double noise_std) {
+  return wide_band(samples, period_s, chain, NoiseFloor(noise_std));
+}
+
+WideBand wide_band(std::span<const double> samples, double period_s,
+                   const physics::FilterChain& chain, const NoiseFloor& noise) {
   const std::size_t n = samples.size();
   std::size_t fast = n;
   while (!has_small_factors(fast - 1)) --fast;
-  WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise_std);
+  WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise);
   if (fast == n) return out;
   // Once from each end: the first half from the leading samples, the second from the trailing ones.
-  const WideBand later = wide_band_of_fast_length(samples.last(fast), period_s, chain, noise_std);
+  const WideBand later = wide_band_of_fast_length(samples.last(fast), period_s, chain, noise);
   const auto half = static_cast<std::ptrdiff_t>(fast / 2);
   const auto missing = static_cast<std::ptrdiff_t>(n - fast);
   for (auto member : {&WideBand::value, &WideBand::rate, &WideBand::acceleration}) {

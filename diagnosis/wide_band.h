@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "diagnosis/noise_floor.h"
 #include "physics/sensor_chain.h"
 
 namespace stickslip::diagnosis {
@@ -23,9 +24,12 @@ struct WideBand {
 };
 
 /// Inverts `chain` on `samples` (period_s apart, at least 8 of them) at frequencies where the
-/// signal exceeds the noise, which is coloured beneath a signal of lines (NoiseFloor) and has at
-/// least the power of white noise of `noise_std` per sample. The derivatives are less accurate
-/// within about a tenth of a second of both ends.
+/// signal exceeds the noise. The derivatives are less accurate within about a tenth of a second of
+/// both ends.
+WideBand wide_band(std::span<const double> samples, double period_s,
+                   const physics::FilterChain& chain, const NoiseFloor& noise);
+
+/// With white noise of `noise_std` per sample.
 WideBand wide_band(std::span<const double> samples, double period_s,
                    const physics::FilterChain& chain, double noise_std);
 

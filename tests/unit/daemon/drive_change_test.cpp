@@ -20,7 +20,7 @@ class DriveChangeTest : public testing::Test {
     ASSERT_NE(mkdtemp(name.data()), nullptr);
     folder_ = name;
     const std::filesystem::path file = folder_ / "drive.csv";
-    std::ofstream(file) << "time_s,base_displacement_m\n0,0\n1,0.001\n2,0\n";
+    std::ofstream(file) << "time_s,base_displacement_m\n0,0\n1,0.001\n2,0.002\n3,0.001\n4,0\n";
     rig_.excitation.enabled = true;
     rig_.excitation.kind = config::ExcitationKind::file;
     rig_.excitation.file.path = file;
@@ -43,7 +43,7 @@ class DriveChangeTest : public testing::Test {
 };
 
 TEST_F(DriveChangeTest, TheConfiguredDriveReturnsWithoutItsFile) {
-  const DriveSamples samples{0.1, {0.0, 1.0e-4, 0.0}};
+  const DriveSamples samples{0.1, {0.0, 1.0e-4, 2.0e-4, 1.0e-4, 0.0}};
   EXPECT_NE(change_.propose(rig_, samples).excitation, nullptr);
   // As the loop does: the configured drive is exchanged for the samples.
   EXPECT_EQ(change_.finish(accepted())->kind, config::ExcitationKind::file);
@@ -56,8 +56,8 @@ TEST_F(DriveChangeTest, TheConfiguredDriveReturnsWithoutItsFile) {
 }
 
 TEST_F(DriveChangeTest, RefusesSamplesThatDoNotEndAtRest) {
-  EXPECT_THROW(change_.propose(rig_, {0.1, {0.0, 1.0e-4}}), InputError);
-  EXPECT_THROW(change_.propose(rig_, {0.0, {0.0, 1.0e-4, 0.0}}), InputError);
+  EXPECT_THROW(change_.propose(rig_, {0.1, {0.0, 1.0e-4, 2.0e-4, 1.0e-4}}), InputError);
+  EXPECT_THROW(change_.propose(rig_, {0.0, {0.0, 1.0e-4, 2.0e-4, 1.0e-4, 0.0}}), InputError);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "diagnosis/fitted_candidate.h"
+#include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {

@@ -75,7 +75,8 @@ TEST(NoiseFloor, StatesTheErrorOfADrive) {
   for (std::size_t i = 0; i < count; ++i) {
     samples[i] = 5.0e-6 * samples[i] + 5.0e-3 * modulated(period_s * static_cast<double>(i));
   }
-  const WideBand got = wide_band(samples, period_s, {}, noise_of(samples));
+  const WideBand got =
+      wide_band(samples, period_s, {}, NoiseFloor(samples, period_s, noise_of(samples)));
   double square = 0.0, peak = 0.0;
   for (std::size_t i = 500; i + 500 < count; ++i) {
     const double time_s = period_s * static_cast<double>(i);
