@@ -539,7 +539,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   assert.match(await page.locator("#spoken").textContent(), /The rig is faulted/);
   assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording loses frames: 7", "bad"]);
   await page.evaluate(() => feed.status({ record_loss: { ring_full: 7, disk: 0 } }));
-  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording, 7 lost", "warn"]);
+  assert.deepEqual([await recording.textContent(), await recording.getAttribute("data-state")], ["recording 1:02:05, 7 lost", "warn"]);
   await page.evaluate(() => {
     feed.event(2, "log_missing", "run.log was deleted", 1.72e15);
     feed.status({ record_loss: { ring_full: 7, disk: 0 } });
