@@ -201,16 +201,15 @@ void add_investigate(CLI::App& app, Action& action) {
       ->excludes("--socket");
   add_model_option(*command, arguments->model);
   command->get_option("--model")->required(false);
-  command
-      ->add_option("--out", arguments->out,
-                   "Folder of the study: new, or one that is taken up again")
-      ->type_name("FOLDER");
+  declare_files(*command, FileRole::updated,
+                command->add_option("--out", arguments->out,
+                                    "Folder of the study: new, or one that is taken up again"))
+      ->type_name("DIR");
   CLI::Option* repeated =
-      command
-          ->add_option("--repeat", arguments->repeat,
-                       "Diagnose and design everything again from the recordings of this study, "
-                       "and compare")
-          ->type_name("FOLDER");
+      add_input(
+          *command, "--repeat", arguments->repeat,
+          "Diagnose and design everything again from the recordings of this study, and compare")
+          ->type_name("DIR");
   for (const char* other : {"--socket", "--rig", "--model", "--out"}) repeated->excludes(other);
   command->add_flag("--yes", arguments->yes,
                     "Make every run without asking; a person still arms the rig once");

@@ -124,6 +124,7 @@ TEST(Commands, SpellAndDescribeASharedOptionAlike) {
       {"--only", "figures, or cases"},
       {"--periods", "what is computed over them"},
       {"--values", "a flag of `spy`, a count of `bifurcation`"},
+      {"--rig", "a flag of `conceal`, a file of `investigate`"},
       {"--history", "of a page, or of calibrations"},
       {"RECORDING", "`diagnose` takes several"},
       {"FILE", "what is read"},
