@@ -121,6 +121,16 @@ DriveSamples samples_of(const json& arguments) {
   return out;
 }
 
+/// The command that `propose` returns; its refusals with file and line.
+template <class Propose>
+Command proposed(const Propose& propose) {
+  try {
+    return propose();
+  } catch (const InputError& error) {
+    refuse_request(error.what());
+  }
+}
+
 Setting setting_of(const json& arguments) {
   const auto key = arguments.find("key");
   const std::string name =
@@ -375,20 +385,13 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
     command.kind = Command::Kind::average;
     command.frames = static_cast<std::uint64_t>(std::ceil(seconds * rate_hz_));
   } else if (name == "model") {
-    try {
-      command = handlers_.propose_model({text(arguments, "file"), text(arguments, "text")});
-    } catch (const InputError& error) {
-      refuse_request(error.what());  // with the file and the line
-    }
+    ModelFile file{text(arguments, "file"), text(arguments, "text")};
+    command = proposed([&] { return handlers_.propose_model(std::move(file)); });
   } else if (name == "drive") {
     DriveSamples samples = samples_of(arguments);
     const bool has_samples = !samples.values.empty();
-    try {
-      command = handlers_.propose_drive(std::move(samples));
-      proposes_samples_ = has_samples;
-    } catch (const InputError& error) {
-      refuse_request(error.what());
-    }
+    command = proposed([&] { return handlers_.propose_drive(std::move(samples)); });
+    proposes_samples_ = has_samples;
   } else {
     refuse_request("there is no command \"" + name.substr(0, 40) +
                    "\"; expected status, describe, clear, arm, disarm, start, stop, alive, set, "

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "config/model_names.h"
 #include "config/names.h"
 #include "physics/frame.h"
 
@@ -26,18 +27,6 @@ json ranges_of(const config::Safety& safety) {
   return out;
 }
 
-const char* drive_of(const physics::Model& model) {
-  switch (model.oscillator.excitation) {
-    case physics::Excitation::base:
-      return "base";
-    case physics::Excitation::force:
-      return "force";
-    case physics::Excitation::imposed:
-      return "imposed";
-  }
-  return "";
-}
-
 }  // namespace
 
 json description_of(const config::Rig& rig) {
@@ -45,7 +34,7 @@ json description_of(const config::Rig& rig) {
   return {{"name", rig.name},
           {"simulated", rig.driver == config::DriverKind::simulated},
           {"rate_hz", rig.loop.rate_hz},
-          {"drive", drive_of(rig.model)},
+          {"drive", config::name_of(rig.model.oscillator.excitation)},
           {"limits",
            {{"displacement_m", limits.displacement_m},
             {"velocity_m_s", limits.velocity_m_s},

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <numeric>
+#include <utility>
 
 #include "diagnosis/fourier.h"
 #include "diagnosis/median.h"
@@ -63,12 +65,6 @@ std::vector<double> continuum_of(const std::vector<double>& power) {
   return out;
 }
 
-double sum_of(const std::vector<double>& values) {
-  double sum = 0.0;
-  for (const double each : values) sum += each;
-  return sum;
-}
-
 }  // namespace
 
 NoiseFloor::NoiseFloor(std::span<const double> samples, double period_s, double noise_std)
@@ -76,7 +72,9 @@ NoiseFloor::NoiseFloor(std::span<const double> samples, double period_s, double 
   if (samples.size() < 4 * median_bins) return;
   const std::vector<double> power = power_of(samples);
   std::vector<double> continuum = continuum_of(power);
-  const double share = static_cast<double>(knot_bins) * sum_of(continuum) / sum_of(power);
+  const double noise = std::accumulate(continuum.begin(), continuum.end(), 0.0);
+  const double share =
+      static_cast<double>(knot_bins) * noise / std::accumulate(power.begin(), power.end(), 0.0);
   if (!(share <= largest_share)) return;
   knots_per_hz_ = static_cast<double>(samples.size()) * period_s / static_cast<double>(knot_bins);
   power_ = std::move(continuum);

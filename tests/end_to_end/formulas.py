@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Formulas of a model file on the command line: a simulated rig moves as with the built-in effect, a
 diagnosis calibrates a declared formula, names the candidate that a recording needs, and errors have a place."""
-import math
 import unittest
 
+from drives import modulated_sweep
 from programs import EndToEnd, main, read_json, stickslip
 
 RIG = """schema = 1
@@ -45,23 +45,14 @@ parameters.f0 = {{ value = {f0}, unit = "N s/m" }}
 parameters.x0 = {{ value = {x0}, unit = "m" }}
 parameters.width = {{ value = 0.003, unit = "m" }}
 """
-SECONDS = 16
-
-
-def drive():
-    lines = ["time_s,drive_force_n"]
-    for i in range(SECONDS * 500 + 1):
-        t = i / 500
-        amplitude = 1.2 + 0.8 * math.sin(2 * math.pi * t / 7)
-        lines.append(f"{t:.3f},{amplitude * math.sin(2 * math.pi * (2.1 + 0.05 * t) * t):.9f}")
-    return "\n".join(lines) + "\n"
+DRIVE = modulated_sweep(16, 1.2, 0.8, 2.1)
 
 
 class Formulas(EndToEnd):
     def simulate(self, name, model, seed=1):
         recording = self.folder / f"{name}.csv"
         self.succeed("simulate", "--model", self.write(f"{name}.toml", model), "--drive",
-                     self.write("drive.csv", drive()), "--out", recording, "--seed", seed)
+                     self.write("drive.csv", DRIVE), "--out", recording, "--seed", seed)
         return recording
 
     def diagnose(self, recording, model, *more):
@@ -122,7 +113,7 @@ class Formulas(EndToEnd):
     def test_an_error_has_a_line_and_a_column(self):
         model = self.write("bad.toml", RIG + '[[physics]]\nid = "a"\nforce = "2*q*v"\n')
         lines = (RIG + '[[physics]]\nid = "a"\nforce').count("\n") + 1
-        result = self.run_to_fail("simulate", "--model", model, "--drive", self.write("drive.csv", drive()))
+        result = self.run_to_fail("simulate", "--model", model, "--drive", self.write("drive.csv", DRIVE))
         self.assertIn(f"bad.toml:{lines}:12: physics.a.force: unknown symbol q", result)
 
     def run_to_fail(self, *arguments):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """`stickslip laws` on the command line: a recording of a LuGre contact, whose numbers the model does not
 know, is distinguished from Coulomb's law, and the page and the model of the preferred law are written."""
-import math
 import unittest
 import xml.etree.ElementTree
 
+from drives import modulated_sweep
 from programs import EndToEnd, main, read_json
 
 RIG = """schema = 1
@@ -39,16 +39,7 @@ TRUTH = {"mu": 0.8, "mu_static": 1.1, "stribeck_speed_m_s": 0.02, "stiffness_n_m
          "damping_n_s_m": 20.0, "viscosity_n_s_m": 0.5}
 LUGRE = 'law = "lugre"\n' + "".join(f"{name} = {value}\n" for name, value in TRUTH.items())
 GUESS = 'law = "coulomb"\nmu = { value = 0.6, sigma = 0.3 }\ntransition_speed_m_s = 0.002\n'
-SECONDS = 20
-
-
-def drive():
-    lines = ["time_s,drive_force_n"]
-    for i in range(SECONDS * 500 + 1):
-        t = i / 500
-        amplitude = 1.6 + 1.1 * math.sin(2 * math.pi * t / 7)
-        lines.append(f"{t:.3f},{amplitude * math.sin(2 * math.pi * (1.6 + 0.05 * t) * t):.9f}")
-    return "\n".join(lines) + "\n"
+DRIVE = modulated_sweep(20, 1.6, 1.1, 1.6)
 
 
 class Laws(EndToEnd):
@@ -57,7 +48,7 @@ class Laws(EndToEnd):
         model = self.write("model.toml", RIG.format(friction=GUESS))
         recording, result = self.folder / "run.csv", self.folder / "laws.json"
         page, preferred = self.folder / "laws.html", self.folder / "preferred.toml"
-        self.succeed("simulate", "--model", truth, "--drive", self.write("drive.csv", drive()),
+        self.succeed("simulate", "--model", truth, "--drive", self.write("drive.csv", DRIVE),
                      "--out", recording)
         text = self.succeed("laws", recording, "--model", model, "--json", result, "--html", page,
                             "--write-model", preferred, timeout=250).stdout

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "config/model_file.h"
+#include "config/model_names.h"
 #include "config/shipped_files.h"
 #include "physics/model_consistency.h"
 #include "physics/number_text.h"
@@ -117,18 +118,6 @@ void set_parameter(ModelHolder& self, const std::string& path, const py::object&
   self.sha256.clear();
 }
 
-const char* name_of(physics::Excitation excitation) {
-  switch (excitation) {
-    case physics::Excitation::base:
-      return "base";
-    case physics::Excitation::force:
-      return "force";
-    case physics::Excitation::imposed:
-      return "imposed";
-  }
-  return "";
-}
-
 std::vector<std::string> physics_of(const ModelHolder& self) {
   std::vector<std::string> out;
   for (const physics::Term& term : self.model.terms) out.push_back(physics::path_of(term));
@@ -200,7 +189,7 @@ void bind_model(py::module_& module) {
           "source", [](const ModelHolder& self) { return self.source; }, "Its file, or its name.")
       .def_property_readonly(
           "excitation",
-          [](const ModelHolder& self) { return name_of(self.model.oscillator.excitation); },
+          [](const ModelHolder& self) { return config::name_of(self.model.oscillator.excitation); },
           "\"base\", \"force\" or \"imposed\": the channel that drives it.")
       .def_property_readonly("physics", &physics_of,
                              "Paths of its [[physics]] terms, \"physics.cubic_stiffness\".")
