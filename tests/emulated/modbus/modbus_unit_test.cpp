@@ -569,27 +569,28 @@ TEST_P(ModbusBench, DeadUnitDoesNotBlockOthers) {
   EXPECT_GT(beside_the_dead, 6 * alone / 10);
 }
 
-/// On a serial line only its time identifies a late reply.
+/// On a serial line only its time identifies a late reply: the driver waits for two time-outs, which
+/// leaves 200 ms for delays of a busy host.
 TEST_P(ModbusBench, LateReplyIsNotMatchedWithAnotherRequest) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(10, Kind::u16, 2.0)});
   units_.start();
   config::ModbusUnit unit = settings(1);
   unit.map.registers = {reg("a", 0, RegisterType::uint16), reg("b", 10, RegisterType::uint16)};
-  unit.timeout_s = 0.06;
+  unit.timeout_s = 0.3;
   unit.retries = 20;
   Gauge& gauge = make({unit}, {{"u1", "a"}, {"u1", "b"}});
   using Story = std::vector<std::pair<LineFault, std::int64_t>>;
   const Story stories[] = {
       // Late twice, and the next request times out.
-      {{LineFault::late, 80 * ms}, {LineFault::late, 80 * ms}, {LineFault::silent, 0}},
+      {{LineFault::late, 400 * ms}, {LineFault::late, 400 * ms}, {LineFault::silent, 0}},
       // Accepted as the reply to the repeated request, whose own reply arrives during the next.
-      {{LineFault::late, 140 * ms}, {LineFault::late, 50 * ms}, {LineFault::silent, 0}}};
+      {{LineFault::late, 700 * ms}, {LineFault::late, 250 * ms}, {LineFault::silent, 0}}};
   for (const Story& story : stories) {
     ASSERT_TRUE(gauge.open());
     for (const auto& [fault, late_ns] : story) units_.next(1, fault, late_ns);
     for (int i = 0; i < 3; ++i) {
       Reading readings[2];
-      ASSERT_TRUE(patiently(gauge, readings));
+      ASSERT_TRUE(patiently(gauge, readings, 20.0));
       EXPECT_EQ(readings[0].value, 1.0);
       EXPECT_EQ(readings[1].value, 2.0);
     }
