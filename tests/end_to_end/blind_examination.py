@@ -35,7 +35,7 @@ class BlindExamination(EndToEnd):
         self.assertTrue(all(re.match(r"stickslip examine .* --jobs 1$", job) for job in jobs))
 
         grades = self.folder / "grades.json"
-        first = self.succeed("examine", folder, "--json", grades, timeout=300).stdout
+        first = self.succeed("examine", folder, "--json", grades).stdout
         self.assertIn("Hidden -> reported", first)
         cases = read_json(grades)["cases"]
         self.assertEqual([case["name"] for case in cases], ["case-001", "case-002"])
@@ -62,7 +62,7 @@ class BlindExamination(EndToEnd):
         # A modified truth file is refused.
         truth = folder / "truth" / "case-002.json"
         truth.write_text(truth.read_text().replace("missing_physics", "consistent"))
-        result = self.fail_with(2, "examine", folder, timeout=300)
+        result = self.fail_with(2, "examine", folder)
         self.assertIn("sealed", result.stderr)
 
     def test_imperfect_instruments_have_a_model_of_their_own(self):
@@ -74,7 +74,7 @@ class BlindExamination(EndToEnd):
         self.assertIn("gain", (case / "model-instruments.toml").read_text())
 
         grades = self.folder / "instruments.json"
-        shown = self.succeed("examine", folder, "--json", grades, timeout=300).stdout
+        shown = self.succeed("examine", folder, "--json", grades).stdout
         self.assertIn("nulls accused", shown)
         rows = [row["nuisance"] for row in read_json(grades)["by_nuisance"]]
         self.assertEqual(rows, ["gain", "gaps", "(one alone)", "(several)", "(ideal)"])

@@ -4,7 +4,7 @@ its model can be written for any load; a concealed campaign is made, examined an
 import math
 import re
 
-from programs import EndToEnd, main, read_json, stickslip
+from programs import PATIENCE_S, EndToEnd, main, read_json, stickslip
 
 MODEL = """schema = 1
 [oscillator]
@@ -64,7 +64,7 @@ class Campaigns(EndToEnd):
         campaign = self.campaign()
         report, page, model = (self.folder / name for name in ("r.json", "r.html", "at.toml"))
         text = self.succeed("diagnose", "--campaign", campaign, "--hold-out", "1.5 N", "--json", report, "--html",
-                            page, "--write-model", model, "--at", "load_n=4", timeout=250).stdout
+                            page, "--write-model", model, "--at", "load_n=4", timeout=PATIENCE_S).stdout
         json = read_json(report)
         self.assertEqual([each["id"] for each in json["findings"]], ["dry_friction"], text)
         found = [each for each in json["campaign"]["comparisons"] if each["finding"] == 0][0]
@@ -101,7 +101,7 @@ class Campaigns(EndToEnd):
                      "--duration", 10, "--seed", 2)
         self.assertTrue((folder / "case-001" / "run-4" / "recording.csv").exists())
         grades = self.folder / "grades.json"
-        self.succeed("examine", folder, "--json", grades, timeout=290)
+        self.succeed("examine", folder, "--json", grades)
         cases = read_json(grades)["cases"]
         self.assertEqual([case["problem"] for case in cases], [""])
         jobs = self.succeed("examine", folder, "--alone", "--job-list", "-").stdout.splitlines()

@@ -8,7 +8,7 @@ import shlex
 import shutil
 import time
 
-from programs import EndToEnd, main, run, stickslip
+from programs import PATIENCE_S, EndToEnd, main, run, stickslip
 
 
 class Completion(EndToEnd):
@@ -117,7 +117,7 @@ class Completion(EndToEnd):
 
         def read_until(pattern):
             nonlocal shown
-            until = time.monotonic() + 60
+            until = time.monotonic() + PATIENCE_S
             while not re.search(pattern, shown):
                 self.assertLess(time.monotonic(), until, shown)
                 if select.select([terminal], [], [], 0.1)[0]:

@@ -13,7 +13,7 @@ import time
 import unittest
 
 import frames
-from programs import SOURCE, STICKSLIPD, EndToEnd, main
+from programs import PATIENCE_S, SOURCE, STICKSLIPD, EndToEnd, main
 
 CONFIG = SOURCE / "config/simulated.toml"
 LEDGER = re.compile(r"(publishing|recording): (\d+) produced = (\d+) (?:published|recorded)"
@@ -37,12 +37,12 @@ class DaemonStopsCleanly(EndToEnd):
         return daemon, log
 
     def end(self, daemon, status=0):
-        output, _ = daemon.communicate(timeout=60)
+        output, _ = daemon.communicate(timeout=PATIENCE_S)
         self.assertEqual(daemon.returncode, status, output)
         return output
 
     def wait_for_recording(self, log, size=20000):
-        until = time.monotonic() + 30
+        until = time.monotonic() + PATIENCE_S
         while not log.exists() or log.stat().st_size < size:
             self.assertLess(time.monotonic(), until, "the recording does not grow")
             time.sleep(0.01)
@@ -119,7 +119,7 @@ class DaemonStopsCleanly(EndToEnd):
     def test_the_watchdog_is_off_while_the_queues_drain(self):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
             manager.bind(str(self.folder / "notify"))
-            manager.settimeout(10)
+            manager.settimeout(PATIENCE_S)
             daemon, _ = self.start("--no-lcm", NOTIFY_SOCKET=str(self.folder / "notify"))
             received = []
             while received.count("WATCHDOG=1") < 3:
@@ -216,7 +216,7 @@ class DaemonStopsCleanly(EndToEnd):
             with self.subTest(arguments=arguments):
                 chosen = [] if "--config" in arguments else ["--config", config]
                 result = subprocess.run([STICKSLIPD, *chosen, *arguments, "--duration", "0.1"],
-                                        capture_output=True, text=True, timeout=30)
+                                        capture_output=True, text=True, timeout=PATIENCE_S)
                 self.assertEqual(result.returncode, 2, result.stderr)
                 self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
                 for word in words:
@@ -236,7 +236,7 @@ class DaemonStopsCleanly(EndToEnd):
                 (["--config", str(CONFIG), "--duration", "-1"], "--duration")):
             with self.subTest(arguments=arguments):
                 result = subprocess.run([STICKSLIPD, *arguments], capture_output=True, text=True,
-                                        timeout=30)
+                                        timeout=PATIENCE_S)
                 self.assertEqual(result.returncode, 2, result.stderr)
                 self.assertIn(words, result.stderr)
                 self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)

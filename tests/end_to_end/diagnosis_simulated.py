@@ -6,7 +6,7 @@ import xml.etree.ElementTree
 from hashlib import sha256
 
 from contract import faults_of_diagnosis, faults_of_evaluation
-from programs import SOURCE, EndToEnd, main, read_json
+from programs import PATIENCE_S, SOURCE, EndToEnd, main, read_json
 
 DECLARED = SOURCE / "config/models/simulated.toml"
 TRUTH = SOURCE / "config/models/simulated-truth.toml"
@@ -34,7 +34,7 @@ class SimulatedDiagnosis(EndToEnd):
     def diagnose(self, recording, *more):
         report = self.folder / f"{recording.stem}.json"
         result = self.succeed("diagnose", recording, "--model", DECLARED, "--json", report, *more,
-                              timeout=300)
+                              timeout=PATIENCE_S)
         content = read_json(report)
         self.assertEqual(faults_of_diagnosis(content), [])
         return content, result.stdout
@@ -96,13 +96,13 @@ class SimulatedDiagnosis(EndToEnd):
         scores = {}
         for name, model in (("declared", DECLARED), ("augmented", augmented)):
             out = self.folder / f"{name}.json"
-            self.succeed("evaluate", other, "--model", model, "--json", out, timeout=300)
+            self.succeed("evaluate", other, "--model", model, "--json", out)
             evaluation = read_json(out)
             self.assertEqual(faults_of_evaluation(evaluation), [])
             scores[name] = evaluation["fit"]["chi2_per_sample"]
         self.assertLess(scores["augmented"], 0.5 * scores["declared"])
         again = self.folder / "again.json"
-        self.succeed("diagnose", other, "--model", augmented, "--json", again, timeout=300)
+        self.succeed("diagnose", other, "--model", augmented, "--json", again)
         self.assertEqual(read_json(again)["verdict"], "consistent")
 
     def test_recording_of_the_declared_model_is_consistent(self):
@@ -149,7 +149,7 @@ k3_n_m3 = 2000.0
     def diagnose(self, name, *arguments):
         """The report, its text, and what was printed."""
         out = self.folder / f"{name}.json"
-        printed = self.succeed("diagnose", *arguments, "--model", self.declared, "--json", out, timeout=300).stdout
+        printed = self.succeed("diagnose", *arguments, "--model", self.declared, "--json", out).stdout
         report = read_json(out)
         self.assertEqual(faults_of_diagnosis(report), [])
         return report, out.read_text(), printed

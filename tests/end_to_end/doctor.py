@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 
-from programs import STICKSLIP, SOURCE, EndToEnd, as_other_user, main, run, stickslip
+from programs import PATIENCE_S, SOURCE, STICKSLIP, EndToEnd, as_other_user, main, run, stickslip
 
 CHECKS = {"loopback", "LCM URL", "LCM route", "receive buffer", "LCM round trip", "LCM queue", "group",
           "runtime folder", "control socket", "udev rules", "USB devices", "HID devices", "GPIO", "serial latency",
@@ -23,7 +23,7 @@ class Doctor(EndToEnd):
 
     def checks(self, *arguments, command=(), environment=None):
         result = subprocess.run([*command, STICKSLIP, "doctor", "--json", "--duration", "0.1",
-                                 *map(str, arguments)], capture_output=True, text=True, timeout=60,
+                                 *map(str, arguments)], capture_output=True, text=True, timeout=PATIENCE_S,
                                 stdin=subprocess.DEVNULL, env=environment)
         report = json.loads(result.stdout)
         self.assertEqual(result.stderr, "")

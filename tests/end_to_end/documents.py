@@ -8,7 +8,7 @@ import subprocess
 import sys
 import unittest
 
-from programs import SOURCE, STICKSLIP, EndToEnd, main, run
+from programs import PATIENCE_S, SOURCE, STICKSLIP, EndToEnd, main, run
 
 WITH_MODULE, WITHOUT = (SOURCE / "docs/python.md").read_text().split("\n## Without the module\n")
 ROWS = [(i / 100, None if i % 7 == 3 else 1e-3 * ((i * 7919) % 101) / 3.0, 0.1 * (i % 3)) for i in range(500)]
@@ -43,7 +43,7 @@ class Python(EndToEnd):
         path = os.pathsep.join([*filter(None, tools), os.environ["PATH"]])
         for _, code in blocks("sh"):
             done = subprocess.run(["sh", "-e", "-c", code], cwd=self.folder, capture_output=True, text=True,
-                                  env={**os.environ, "PATH": path}, timeout=60)
+                                  env={**os.environ, "PATH": path}, timeout=PATIENCE_S)
             self.assertEqual(done.returncode, 0, done.stderr)
         x = [x for _, x, _ in ROWS if x is not None]
         self.expected = (f"{len(ROWS)} frames, {ROWS[-1][0] - ROWS[0][0]:.3f} s, "

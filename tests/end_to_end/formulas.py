@@ -58,7 +58,7 @@ class Formulas(EndToEnd):
     def diagnose(self, recording, model, *more):
         report = self.folder / "report.json"
         report.unlink(missing_ok=True)
-        self.succeed("diagnose", recording, "--model", model, "--json", report, *more, timeout=250)
+        self.succeed("diagnose", recording, "--model", model, "--json", report, *more)
         return read_json(report)
 
     def test_a_rig_moves_as_with_the_built_in_effect(self):

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 
-from programs import STICKSLIP, STICKSLIPD, EndToEnd, main, read_json, run
+from programs import PATIENCE_S, STICKSLIP, STICKSLIPD, EndToEnd, main, read_json, run
 
 # A mass on a spring that a force drives: its diagnosis takes seconds.
 MODEL = """schema = 1
@@ -72,7 +72,7 @@ class Investigate(EndToEnd):
         self.addCleanup(lambda: self.daemon.poll() is None and self.daemon.kill())
         self.wait_until(lambda: run(STICKSLIP, "ctl", "--socket", self.socket, "status").returncode == 0)
 
-    def wait_until(self, holds, seconds=120):  # much more than it takes, for busy machines
+    def wait_until(self, holds, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while not holds():
             self.assertLess(time.monotonic(), until, self.log())
@@ -112,7 +112,7 @@ class Investigate(EndToEnd):
         self.ctl("arm")
         self.wait_until(lambda: self.state() == "running")
         study.send_signal(signal.SIGINT)
-        self.assertEqual(study.wait(timeout=120), 1, self.log())
+        self.assertEqual(study.wait(timeout=PATIENCE_S), 1, self.log())
         self.assertIn("the amplifier is off", self.log())
         self.assertFalse(self.ctl("status")["amplifier_on"])
         self.assertEqual(read_json(self.folder / "study/study.json")["runs"], [])
@@ -122,13 +122,13 @@ class Investigate(EndToEnd):
         study = self.investigate()
         self.wait_for_arming()
         self.ctl("arm")
-        self.assertEqual(study.wait(timeout=900), 0, self.log())
+        self.assertEqual(study.wait(timeout=PATIENCE_S), 0, self.log())
         self.expect_the_spring(read_json(self.folder / "study/study.json"))
         self.expect_limits(read_json(self.folder / "study/study.json"))
         self.assertFalse(self.ctl("status")["amplifier_on"])
         self.expect_pages()
         self.daemon.terminate()
-        self.assertEqual(self.daemon.wait(timeout=60), 0, self.log())
+        self.assertEqual(self.daemon.wait(timeout=PATIENCE_S), 0, self.log())
 
     def expect_the_spring(self, study):
         # So certain that a second run is made, after which either that or the budget ends the study.

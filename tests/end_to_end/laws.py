@@ -5,7 +5,7 @@ import unittest
 import xml.etree.ElementTree
 
 from drives import modulated_sweep
-from programs import EndToEnd, main, read_json
+from programs import PATIENCE_S, EndToEnd, main, read_json
 
 RIG = """schema = 1
 [oscillator]
@@ -51,7 +51,7 @@ class Laws(EndToEnd):
         self.succeed("simulate", "--model", truth, "--drive", self.write("drive.csv", DRIVE),
                      "--out", recording)
         text = self.succeed("laws", recording, "--model", model, "--json", result, "--html", page,
-                            "--write-model", preferred, timeout=250).stdout
+                            "--write-model", preferred, timeout=PATIENCE_S).stdout
         laws = {each["law"]: each for each in read_json(result)["laws"]}
         self.assertEqual(len(laws), 10)
         first = read_json(result)["laws"][0]

@@ -5,7 +5,7 @@ import re
 import subprocess
 import unittest
 
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
+from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
 
 MODEL = """schema = 1
 
@@ -325,7 +325,7 @@ class MalformedInput(EndToEnd):
                         ("evaluate", self.good_recording, "--model", self.good_model)):
             with self.subTest(command=command[0]), open("/dev/full", "wb") as full:
                 result = subprocess.run([str(part) for part in (STICKSLIP, *command)], stdout=full,
-                                        stderr=subprocess.PIPE, text=True, timeout=60)
+                                        stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
                 self.assertEqual(result.returncode, 1, result.stderr)
                 self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
         for command in ("diagnose", "evaluate", "estimate"):
@@ -381,21 +381,21 @@ class MalformedInput(EndToEnd):
             for arguments in commands:
                 with self.subTest(key=key, value=value, command=arguments[0]):
                     more = ("--periods", "20000") if value == "1e3" else ()
-                    result = stickslip(*arguments, *more, "--model", model, timeout=60)
+                    result = stickslip(*arguments, *more, "--model", model)
                     self.assertEqual(result.returncode, 2, result.stdout[:200] + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertRegex(result.stderr, "integration steps|the shortest|nothing between two samples")
                     if arguments in orbits:
                         self.assertRegex(result.stderr, rf"{model}: .*oscillator\.{key} = .* rad/s")
         swept = stickslip("bifurcation", "--model", self.good_model, "--amplitude", "0.01", "--over",
-                          "drive.frequency_hz", "--from", "1e-6", "--to", "1", timeout=60)
+                          "drive.frequency_hz", "--from", "1e-6", "--to", "1", timeout=PATIENCE_S)
         self.assertEqual(swept.returncode, 2, swept.stdout[:200] + swept.stderr)
         self.assertIn("for a drive period", swept.stderr)
         stiff = self.write("well.toml", re.sub(r"natural_frequency_hz = .*", "stiffness_n_m = 0.0\n", MODEL)
                            .replace("damping_ratio = 0.015", "damping_n_s_m = 0.0")
                            .replace("[normal_load]", "[oscillator.two_well]\nlinear_n_m = 1.0\ncubic_n_m3 = 1e18\n"
                                     "\n[normal_load]").replace("0.0025", "0.0"))
-        result = stickslip("poincare", *drive, "--x", "0.1", "--model", stiff, timeout=30)
+        result = stickslip("poincare", *drive, "--x", "0.1", "--model", stiff)
         self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
         self.assertIn("integration steps by time", result.stderr)
 
@@ -422,9 +422,9 @@ recording = "{recording}"
         for command in ((STICKSLIPD, "--config", rig), (STICKSLIPD, "--config", self.folder / "no"),
                         (STICKSLIPD,), (STICKSLIPD, "--no-such-option")):
             with self.subTest(command=command):
-                result = run(*command, timeout=20)
+                result = run(*command)
                 self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
-        result = run(STICKSLIPD, "--config", rig, timeout=20)
+        result = run(STICKSLIPD, "--config", rig)
         self.assertRegex(result.stderr, re.escape(str(rig)) + r":\d+:\d+: ")
 
 

@@ -5,7 +5,7 @@ import json
 import subprocess
 import time
 
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run
+from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run
 
 BELIEVED = (SOURCE / "config/models/simulated.toml").read_text()
 MENDED = BELIEVED + '\n[[physics]]\nid = "cubic_stiffness"\nk3_n_m3 = { value = 7000.0, sigma = 300.0 }\n'
@@ -39,7 +39,7 @@ class ModelChange(EndToEnd):
                                         self.recording, "--no-lcm"], stdout=self.output, stderr=subprocess.STDOUT)
         self.addCleanup(self.output.close)
         self.addCleanup(lambda: self.daemon.poll() is None and self.daemon.kill())
-        until = time.monotonic() + 20
+        until = time.monotonic() + PATIENCE_S
         while run(STICKSLIP, "ctl", "--socket", self.socket, "status").returncode != 0:
             self.assertLess(time.monotonic(), until, self.log())
             time.sleep(0.05)
@@ -53,7 +53,7 @@ class ModelChange(EndToEnd):
         return json.loads(result.stdout) if result.stdout else result.stderr
 
     def wait_for_standing(self, standing):
-        until = time.monotonic() + 120  # much more than it takes, for busy machines
+        until = time.monotonic() + PATIENCE_S
         while (found := self.ctl("status")["status"])["model"]["standing"] != standing:
             self.assertLess(time.monotonic(), until, f"{found['model']}, expected {standing}\n{self.log()}")
             time.sleep(0.05)
@@ -81,7 +81,7 @@ class ModelChange(EndToEnd):
         found = self.wait_for_standing("follows")
         self.assertEqual(found["model"]["alarms"], 1)
         self.daemon.terminate()
-        self.assertEqual(self.daemon.wait(timeout=60), 0, self.log())
+        self.assertEqual(self.daemon.wait(timeout=PATIENCE_S), 0, self.log())
 
         # The event, in the recording too; no frame is lost.
         log = self.log()

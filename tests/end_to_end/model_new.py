@@ -7,7 +7,7 @@ import select
 import subprocess
 import time
 
-from programs import STICKSLIP, EndToEnd, main, stickslip
+from programs import PATIENCE_S, STICKSLIP, EndToEnd, main, stickslip
 
 CSV = "time_s,displacement_m,drive_force_n\n" + "".join(
     f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(200))
@@ -27,7 +27,7 @@ class Dialogue:
         self.shown = ""
         self.answered = 0
 
-    def read_until(self, done, seconds=60):
+    def read_until(self, done, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while not done(self.shown):
             assert time.monotonic() < until, self.shown

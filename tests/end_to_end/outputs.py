@@ -10,7 +10,7 @@ import subprocess
 import unittest
 
 from malformed_input import MODEL, RECORDING
-from programs import STICKSLIP, EndToEnd, main, stickslip
+from programs import PATIENCE_S, STICKSLIP, EndToEnd, main, stickslip
 
 WITHOUT_FORCE = "or --force to replace it"
 
@@ -129,7 +129,7 @@ class Outputs(EndToEnd):
         # A limit on the size of files stands for a full disk.
         result = subprocess.run(["bash", "-c", 'ulimit -f 4; exec "$@"', "-", STICKSLIP,
                                  *map(str, self.writers("sim.csv")[6])], cwd=self.folder,
-                                capture_output=True, text=True, timeout=60,
+                                capture_output=True, text=True, timeout=PATIENCE_S,
                                 preexec_fn=lambda: signal.signal(signal.SIGXFSZ, signal.SIG_IGN))
         self.assertNotEqual(result.returncode, 0, result.stdout)
         self.assertEqual(self.files(), before)
@@ -140,7 +140,7 @@ class Outputs(EndToEnd):
         piped = stickslip("simulate", "--model", self.model, "--drive", "t.csv", cwd=self.folder)
         with open(self.folder / "redirected.json", "wb") as out:
             result = subprocess.run([STICKSLIP, "evaluate", "t.csv", "--model", str(self.model),
-                                     "--json", "/dev/stdout"], cwd=self.folder, stdout=out, timeout=60)
+                                     "--json", "/dev/stdout"], cwd=self.folder, stdout=out, timeout=PATIENCE_S)
         self.assertEqual(result.returncode, 0)
         redirected = (self.folder / "redirected.json").read_text()
         self.assertIn("RMS prediction error", redirected)
@@ -150,7 +150,7 @@ class Outputs(EndToEnd):
         with subprocess.Popen(["cat", self.folder / "pipe"], stdout=subprocess.PIPE) as reader:
             self.succeed("estimate", "t.csv", "--model", self.model, "--json", "pipe",
                          cwd=self.folder)
-            self.assertIn(b"good_frames", reader.communicate(timeout=30)[0])
+            self.assertIn(b"good_frames", reader.communicate(timeout=PATIENCE_S)[0])
 
     def test_a_folder_of_results_keeps_what_others_put_there(self):
         reduced = self.write("reduce.csv", "time_s,displacement_m,velocity_m_s,friction_force_n\n")

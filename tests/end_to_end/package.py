@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 
-from programs import SKIPPED, SOURCE, STICKSLIP, EndToEnd, main, run, temporary_folder
+from programs import PATIENCE_S, SKIPPED, SOURCE, STICKSLIP, EndToEnd, main, run, temporary_folder
 
 BUILD = pathlib.Path(STICKSLIP).resolve().parents[1]
 KEPT = BUILD / "package"
@@ -17,7 +17,7 @@ KEPT = BUILD / "package"
 def packed(folder, zone):
     """The packages as cpack makes them in a folder: of the programs, and of the Python module or None."""
     done = subprocess.run(["cpack", "--config", BUILD / "CPackConfig.cmake", "-B", folder],
-                          capture_output=True, text=True, umask=0o022, timeout=200,
+                          capture_output=True, text=True, umask=0o022, timeout=PATIENCE_S,
                           env={**os.environ, "TZ": zone, "SOURCE_DATE_EPOCH": "0"})
     assert done.returncode == 0, done.stdout + done.stderr
     return next(folder.glob("stickslip_*.deb")), next(folder.glob("python3-stickslip_*.deb"), None)

@@ -16,6 +16,8 @@ import unittest
 STICKSLIP = os.environ.get("STICKSLIP", "stickslip")
 STICKSLIPD = os.environ.get("STICKSLIPD", "stickslipd")
 SOURCE = pathlib.Path(os.environ.get("STICKSLIP_SOURCE_DIR", pathlib.Path(__file__).parents[2]))
+#: Limit of every wait [s]: for what never ends, since a busy machine is no failure.
+PATIENCE_S = 1200
 SKIPPED = 77  # exit status that ctest takes as "skipped"
 
 
@@ -27,7 +29,7 @@ def shared_folder():
     return None
 
 
-def run(*command, timeout=120, cwd=None, env=None):
+def run(*command, timeout=PATIENCE_S, cwd=None, env=None):
     """Runs a command to its end; the result has returncode, stdout and stderr as text."""
     return subprocess.run([str(part) for part in command], capture_output=True, text=True,
                           timeout=timeout, cwd=cwd, env=env, stdin=subprocess.DEVNULL)

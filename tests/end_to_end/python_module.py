@@ -13,7 +13,7 @@ import sys
 import threading
 import unittest
 
-from programs import SKIPPED, SOURCE, STICKSLIPD, EndToEnd, main, read_json, stickslip
+from programs import PATIENCE_S, SKIPPED, SOURCE, STICKSLIPD, EndToEnd, main, read_json, stickslip
 
 if os.environ.get("STICKSLIP_PYTHON_PROBLEM"):
     print("skipped: the Python module is not built: " + os.environ["STICKSLIP_PYTHON_PROBLEM"])
@@ -272,7 +272,7 @@ class LiveFrames(EndToEnd):
                 if sum(map(len, blocks)) >= 500:
                     break
             daemon.terminate()
-            self.assertEqual(daemon.wait(timeout=60), 0)
+            self.assertEqual(daemon.wait(timeout=PATIENCE_S), 0)
             self.assertEqual((live.lost, live.malformed), (0, 0))
         with self.assertRaisesRegex(module.InputError, "closed"):
             live.receive()

@@ -5,7 +5,7 @@ without them these tests are skipped."""
 import unittest
 
 from contract import faults_of_diagnosis, faults_of_evaluation
-from programs import EndToEnd, main, read_json, shared_folder
+from programs import PATIENCE_S, EndToEnd, main, read_json, shared_folder
 
 SHARED = shared_folder()
 CONFIDENT = 0.9
@@ -25,7 +25,7 @@ class RealRecordings(EndToEnd):
         out = self.folder / f"{name}.json"
         result = self.succeed("diagnose", folder / "recording.csv", "--model", folder / "model.toml",
                               "--json", out, "--write-model", self.folder / f"{name}.toml",
-                              timeout=300)
+                              timeout=PATIENCE_S)
         report = read_json(out)
         self.assertEqual(faults_of_diagnosis(report), [])
         print(result.stdout)
@@ -59,7 +59,7 @@ class RealRecordings(EndToEnd):
         self.succeed("check", augmented)
         out = self.folder / "evaluation.json"
         self.succeed("evaluate", SHARED / "recordings/emps/recording.csv", "--model", augmented,
-                     "--json", out, "--horizon", 1.0, timeout=300)
+                     "--json", out, "--horizon", 1.0, timeout=PATIENCE_S)
         evaluation = read_json(out)
         self.assertEqual(faults_of_evaluation(evaluation), [])
         # Published models: about 2.0 mm one second ahead, 5.6 mm without dry friction.

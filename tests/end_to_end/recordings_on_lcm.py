@@ -13,7 +13,7 @@ import time
 import unittest
 
 import frames
-from programs import STICKSLIP, STICKSLIPD, SOURCE, EndToEnd, main, run, stickslip
+from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, run, stickslip
 
 FRAME_COUNT = 1500
 BLOCKS = 150
@@ -56,11 +56,11 @@ class RecordingsOnLcm(EndToEnd):
         listener = self.independent_listener(4)
         began = time.monotonic()
         played = subprocess.run([player, "--lcm-url=udpm://239.255.76.67:7667?ttl=0", str(self.log)],
-                                capture_output=True, text=True, timeout=30)
+                                capture_output=True, text=True, timeout=PATIENCE_S)
         took = time.monotonic() - began
         self.assertEqual(played.returncode, 0, played.stderr)
         self.assertGreater(took, 1.3, "the player did not keep the recording's pace")
-        heard = json.loads(listener.communicate(timeout=30)[0])
+        heard = json.loads(listener.communicate(timeout=PATIENCE_S)[0])
         self.assertEqual(heard["messages"], {"STICKSLIP_FRAMES": BLOCKS, "STICKSLIP_RECORDING": 1})
         self.assertEqual((heard["frames"], heard["lost"]), (FRAME_COUNT, 0))
 
@@ -71,7 +71,7 @@ class RecordingsOnLcm(EndToEnd):
             self.skipTest("lcm-logger is not installed")
         url = "udpm://239.255.76.67:7667?ttl=0"
         logger = self.start(program, "--flush-interval=50", f"--lcm-url={url}", log)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE_S
         # It says nothing when it is ready: other messages are sent until it has recorded one.
         while not log.exists() or log.stat().st_size == 0:
             self.assertLess(time.monotonic(), deadline, "lcm-logger recorded nothing")
@@ -103,7 +103,7 @@ class RecordingsOnLcm(EndToEnd):
         self.assertEqual(daemon.returncode, 0, daemon.stdout + daemon.stderr)
         self.assert_growth_ends(log)
         logger.send_signal(signal.SIGINT)
-        logger.communicate(timeout=30)
+        logger.communicate(timeout=PATIENCE_S)
         text = self.succeed("log", "check", log).stdout
         self.assertNotIn("damaged", text)
         info = json.loads(self.succeed("log", "info", log, "--json").stdout)
@@ -151,11 +151,11 @@ class RecordingsOnLcm(EndToEnd):
                 replay = self.succeed("replay", self.log, "--speed", 2, "--block", block)
                 self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames", replay.stdout)
                 for recorder in recorders:
-                    output = recorder.communicate(timeout=30)[0]
+                    output = recorder.communicate(timeout=PATIENCE_S)[0]
                     self.assertEqual(recorder.returncode, 0, output)
                     self.assertIn(f"{FRAME_COUNT} frames", output)
                     self.assertIn("lost 0 frames in 0 gaps", output)
-                heard = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
+                heard = [json.loads(line) for line in listener.communicate(timeout=PATIENCE_S)[0].splitlines()]
                 self.assertEqual(len(heard), FRAME_COUNT)
                 for row, frame in zip(rows, heard):
                     self.assertEqual(frame["time_ns"], round(float(row[0]) * 1000) * 1000000)
@@ -186,7 +186,7 @@ class RecordingsOnLcm(EndToEnd):
         self.assertGreater(time.monotonic() - began, 0.7)
         self.assertIn(f"published {FRAME_COUNT} of {FRAME_COUNT} frames in {BLOCKS} blocks and 21 other "
                       "messages", text)
-        recorder.communicate(timeout=30)
+        recorder.communicate(timeout=PATIENCE_S)
         received = list(frames.events(out))[1:]  # without the recorder's own description
         self.assertEqual(received, list(frames.events(log)))
 
@@ -206,7 +206,7 @@ class RecordingsOnLcm(EndToEnd):
         out = self.folder / "out.log"
         recorder = self.recorder(out, "--duration", 2)
         self.succeed("replay", log, "--speed", 3)
-        output = recorder.communicate(timeout=30)[0]
+        output = recorder.communicate(timeout=PATIENCE_S)[0]
         self.assertIn("1470 frames", output)
         self.assertIn("lost 30 frames in 2 gaps", output)
 
@@ -221,7 +221,7 @@ class RecordingsOnLcm(EndToEnd):
                 self.succeed("replay", self.log, "--speed", 4)
                 if stop is not None:
                     recorder.send_signal(stop)
-                output, errors = recorder.communicate(timeout=10)
+                output, errors = recorder.communicate(timeout=PATIENCE_S)
                 self.assertEqual(recorder.returncode, 0, errors)
                 self.assertIn(expected, output)
                 self.succeed("convert", out, self.folder / f"{name}.csv")
@@ -231,7 +231,7 @@ class RecordingsOnLcm(EndToEnd):
         recorder = self.recorder(out)
         self.succeed("replay", self.log, "--speed", 10)
         self.succeed("replay", self.log, "--speed", 10)
-        output, errors = recorder.communicate(timeout=10)
+        output, errors = recorder.communicate(timeout=PATIENCE_S)
         self.assertEqual(recorder.returncode, 1, output + errors)
         self.assertIn("jumped back", errors)
         types = frames.generate_types(self.folder)
@@ -241,14 +241,14 @@ class RecordingsOnLcm(EndToEnd):
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.1)
         time.sleep(1)
         replay.send_signal(signal.SIGTERM)
-        output, errors = replay.communicate(timeout=5)
+        output, errors = replay.communicate(timeout=PATIENCE_S)
         self.assertEqual(replay.returncode, 0, errors)
         self.assertIn("(stopped)", output)
 
     def test_spy_shows_rates_and_values(self):
         spy = self.start(STICKSLIP, "spy", "--once")
         replay = self.start(STICKSLIP, "replay", self.log, "--speed", 0.5)
-        output, errors = spy.communicate(timeout=10)
+        output, errors = spy.communicate(timeout=PATIENCE_S)
         replay.kill()
         self.assertEqual(spy.returncode, 0, errors)
         line = next(line for line in output.splitlines() if line.startswith("STICKSLIP_FRAMES"))
@@ -289,7 +289,7 @@ class RecordingsOnLcm(EndToEnd):
                 for given in (("--url", url), ()):
                     environment = {**os.environ, **({} if given else {"LCM_DEFAULT_URL": url})}
                     with self.subTest(url=url, command=command[0], given=given):
-                        result = stickslip(*command, *given, timeout=20, env=environment)
+                        result = stickslip(*command, *given, env=environment)
                         self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                         self.assertIn(sentence, result.stderr)
                         self.assertFalse((self.folder / "out.log").exists())
@@ -303,13 +303,13 @@ class RecordingsOnLcm(EndToEnd):
             for command in (("spy", "--once"), ("record", self.folder / "out.log"),
                             ("replay", self.log)):
                 with self.subTest(url=url, command=command[0]):
-                    result = stickslip(*command, "--url", url, timeout=20)
+                    result = stickslip(*command, "--url", url)
                     self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                     self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                     self.assertIn(url, result.stderr)
         for out in ("/nowhere/at/all.log", "/nowhere/at/all.csv", self.folder / "out.txt"):
             with self.subTest(out=out):
-                result = stickslip("record", out, timeout=20)
+                result = stickslip("record", out)
                 self.assertEqual(result.returncode, 2, result.stdout + result.stderr)
                 self.assertEqual(len(result.stderr.splitlines()), 1, result.stderr)
                 self.assertIn(str(out), result.stderr)

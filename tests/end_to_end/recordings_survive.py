@@ -11,7 +11,7 @@ import subprocess
 import time
 
 import frames
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, stickslip
+from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, stickslip
 
 CONFIG = SOURCE / "config/simulated.toml"
 
@@ -41,7 +41,7 @@ class RecordingsSurvive(EndToEnd):
 
     def run_rig(self, config, seconds):
         result = subprocess.run([STICKSLIPD, "--config", config, "--no-lcm", "--duration",
-                                 str(seconds)], capture_output=True, text=True, timeout=120)
+                                 str(seconds)], capture_output=True, text=True, timeout=PATIENCE_S)
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         return result.stdout + result.stderr
 
@@ -53,7 +53,7 @@ class RecordingsSurvive(EndToEnd):
             self.assertIn("recording", listener.stdout.readline())
             log = self.folder / f"killed{kill}.log"
             daemon = self.start(STICKSLIPD, "--config", CONFIG, "--record", log)
-            until = time.monotonic() + 30
+            until = time.monotonic() + PATIENCE_S
             while not log.exists() or log.stat().st_size < 20_000:  # frames have been flushed
                 self.assertLess(time.monotonic(), until, "the recording does not grow")
                 time.sleep(0.01)
@@ -62,7 +62,7 @@ class RecordingsSurvive(EndToEnd):
             daemon.wait()
             time.sleep(0.1)  # messages published before the kill arrive
             listener.send_signal(signal.SIGTERM)
-            output, _ = listener.communicate(timeout=30)
+            output, _ = listener.communicate(timeout=PATIENCE_S)
             self.assertEqual(listener.returncode, 0, output)
 
             csv = self.folder / f"killed{kill}.csv"
@@ -156,7 +156,7 @@ class RecordingsSurvive(EndToEnd):
         self.assertNotIn("damaged in", stickslip("log", "check", mended).stdout)
 
     def wait_for(self, what, condition):
-        until = time.monotonic() + 30
+        until = time.monotonic() + PATIENCE_S
         while not condition():
             self.assertLess(time.monotonic(), until, what)
             time.sleep(0.01)
@@ -173,7 +173,7 @@ class RecordingsSurvive(EndToEnd):
 
     def stop(self, daemon):
         daemon.send_signal(signal.SIGTERM)
-        return daemon.wait(timeout=60)
+        return daemon.wait(timeout=PATIENCE_S)
 
     def events(self, log):
         """Codes of the events in a log."""
@@ -193,7 +193,7 @@ class RecordingsSurvive(EndToEnd):
             with self.subTest(socket=socket):
                 refused = subprocess.run(
                     [STICKSLIPD, "--config", config, "--no-lcm", "--duration", "1", "--control",
-                     self.folder / socket], capture_output=True, text=True, timeout=60)
+                     self.folder / socket], capture_output=True, text=True, timeout=PATIENCE_S)
                 self.assertEqual(refused.returncode, 2, refused.stderr)
                 for word in (*words, f"process {daemon.pid}", "stop "):
                     self.assertIn(word, refused.stderr)
@@ -222,7 +222,7 @@ class RecordingsSurvive(EndToEnd):
         config, log = self.rig("full", f'[metrics]\nfile = "{self.folder}/full.prom"\n', fast=True)
         result = subprocess.run(
             [*on_disk, STICKSLIPD, "--config", config, "--no-lcm", "--duration", "60", "--record",
-             disk / "full.log"], capture_output=True, text=True, timeout=120)
+             disk / "full.log"], capture_output=True, text=True, timeout=PATIENCE_S)
         self.assertEqual(result.returncode, 1, result.stderr)
         self.assertIn("the recording is not whole", result.stderr)
         self.assertIn("No space left on device", result.stderr)

@@ -15,7 +15,7 @@ import time
 import urllib.request
 
 from frames import CHANNELS, generate_types, payloads
-from programs import SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
+from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
 from web_socket import (BINARY, PING, TEXT, Closed, Refused, WebSocket, connect, frame, handshake)
 
 RIG = SOURCE / "config/simulated.toml"
@@ -118,7 +118,7 @@ class Scope(EndToEnd):
         """Messages until `count` live frames have been received."""
         out = []
         seen = 0
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE_S
         while seen < count:
             self.assertLess(time.monotonic(), end, texts_in(out)[-3:])
             out.append(client.receive())
@@ -134,7 +134,7 @@ class Scope(EndToEnd):
         with WebSocket(self.port) as client:
             self.assertEqual(texts_in([client.receive()])[0]["type"], "hello")
 
-    def request(self, request, timeout=10.0, whole=True):
+    def request(self, request, timeout=PATIENCE_S, whole=True):
         """Sends bytes and returns the answer until the server closes."""
         with connect(self.port, timeout) as peer:
             out = b""
@@ -247,7 +247,7 @@ class Streams(Scope):
             self.addCleanup(daemon.wait)
             self.addCleanup(daemon.kill)
             sources = []
-            end = time.monotonic() + 30
+            end = time.monotonic() + PATIENCE_S
             while [one["rig"] for one in sources] != ["simulated rig", "another rig"]:
                 self.assertLess(time.monotonic(), end, sources)
                 messages.append(client.receive())
@@ -278,7 +278,7 @@ class Streams(Scope):
         _, self.port = self.start_scope()
         with WebSocket(self.port) as client:
             messages = self.wait_for_frames(client, 1)
-            end = time.monotonic() + 30
+            end = time.monotonic() + PATIENCE_S
             while not any(text["type"] == "model" for text in texts_in(messages)):
                 self.assertLess(time.monotonic(), end, "the daemon did not repeat its description")
                 messages.append(client.receive())
@@ -362,7 +362,7 @@ class Hostile(Scope):
         super().setUp()
         self.start_daemon()
         self.good = Reader(self.port)
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE_S
         while len(self.good.messages) < 50:
             self.assertLess(time.monotonic(), end)
             time.sleep(0.05)
@@ -467,7 +467,7 @@ class Hostile(Scope):
                 self.wait_for_frames(client, 1)
                 with self.assertRaises((Closed, ConnectionResetError, BrokenPipeError)) as caught:
                     client.send(data)
-                    end = time.monotonic() + 10
+                    end = time.monotonic() + PATIENCE_S
                     while time.monotonic() < end:
                         client.receive()
                 if name == "text":  # with a reason, unless a message was being written
@@ -488,12 +488,12 @@ class Hostile(Scope):
             slow.receive()
             before = len(self.good.messages)
             # More data passes unread than the backlog and the socket buffers hold.
-            end = time.monotonic() + 60
+            end = time.monotonic() + PATIENCE_S
             while sum(len(m[1]) for m in self.good.messages[before:]) < 2_500_000:
                 self.assertLess(time.monotonic(), end)
                 time.sleep(0.2)
             kinds = collections.Counter()
-            end = time.monotonic() + 20
+            end = time.monotonic() + PATIENCE_S
             while not kinds["dropped"] and time.monotonic() < end:
                 for text in texts_in([slow.receive()]):
                     kinds[text["type"]] += 1
@@ -517,7 +517,7 @@ class Hostile(Scope):
             if i % 100 == 50:
                 self.assert_still_serves()
         # A request must be complete within seconds, even if it makes progress.
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE_S
         left = set(half)
         while left and time.monotonic() < end:
             for peer in list(left):
@@ -556,7 +556,7 @@ class Hostile(Scope):
         self.assertEqual(self.get("/")[0], 200)
         while streams:
             streams.pop().close()
-        end = time.monotonic() + 10
+        end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
             try:
                 WebSocket(self.port).close()
@@ -598,7 +598,7 @@ class OtherNetwork(Scope):
                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.addCleanup(self.daemon.wait)
         self.addCleanup(self.daemon.kill)
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE_S
         while os.readlink(f"/proc/{self.daemon.pid}/exe") != os.path.realpath(STICKSLIPD):
             self.assertLess(time.monotonic(), end)
             time.sleep(0.05)
@@ -613,7 +613,7 @@ class OtherNetwork(Scope):
 @needs_page
 class Arguments(EndToEnd):
     def scope(self, *options):
-        return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=30)
+        return subprocess.run([STICKSLIP, "scope", *options], capture_output=True, text=True, timeout=PATIENCE_S)
 
     def test_errors_are_reported_in_one_line(self):
         for options, words in {("--listen", "localhost:80"): "127.0.0.1:8088",
@@ -654,10 +654,10 @@ class Arguments(EndToEnd):
         self.assertRegex(lines[0], r"\Alive view: http://127\.0\.0\.1:\d+/\?token=abc\n")
         self.assertRegex(lines[1], r"\Afrom other machines: http://192\.0\.2\.7:\d+/\?token=abc\n")
         for line in lines:
-            with urllib.request.urlopen(line.split(": ", 1)[1].strip(), timeout=20) as answer:
+            with urllib.request.urlopen(line.split(": ", 1)[1].strip(), timeout=PATIENCE_S) as answer:
                 self.assertEqual(answer.status, 200)
         server.send_signal(signal.SIGTERM)
-        _, errors = server.communicate(timeout=20)
+        _, errors = server.communicate(timeout=PATIENCE_S)
         self.assertEqual(server.returncode, 0)
         self.assertIn("nothing is encrypted", errors)
 

@@ -9,7 +9,7 @@ import sys
 import time
 import unittest
 
-from programs import SOURCE, STICKSLIPD, EndToEnd, main
+from programs import PATIENCE_S, SOURCE, STICKSLIPD, EndToEnd, main
 
 AMPLITUDE_M = 0.004
 CARRIER_HZ = 3.0
@@ -95,8 +95,8 @@ class SineOnLcm(EndToEnd):
         time.sleep(1.5)
         heard = subprocess.run(
             [sys.executable, SOURCE / "tests/end_to_end/lcm_subscriber.py", "--duration", str(seconds),
-             "--frames"], capture_output=True, text=True, timeout=60)
-        output, _ = daemon.communicate(timeout=60)
+             "--frames"], capture_output=True, text=True, timeout=PATIENCE_S)
+        output, _ = daemon.communicate(timeout=PATIENCE_S)
         self.assertEqual(heard.returncode, 0, heard.stderr + output)
         self.assertEqual(daemon.returncode, 0, output)
 

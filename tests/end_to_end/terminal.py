@@ -14,7 +14,7 @@ import subprocess
 import termios
 import time
 
-from programs import SOURCE, STICKSLIP, EndToEnd, main, run
+from programs import PATIENCE_S, SOURCE, STICKSLIP, EndToEnd, main, run
 
 GROUP = ("239.255.76.67", 7667)
 CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
@@ -61,14 +61,14 @@ class OnATerminal:
             self.first_s = self.first_s or time.monotonic() - self.began
         return True
 
-    def wait_for(self, pattern, seconds=60):
+    def wait_for(self, pattern, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while not re.search(pattern, self.shown):
             assert time.monotonic() < until, f"{pattern} was not shown: {self.shown!r}"
             assert self.read(0.1) or re.search(pattern, self.shown), \
                 f"{pattern} was not shown: {self.shown!r}"
 
-    def end(self, seconds=60):
+    def end(self, seconds=PATIENCE_S):
         """The whole output, once the program has ended."""
         until = time.monotonic() + seconds
         while self.read(0.2):

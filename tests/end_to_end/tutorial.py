@@ -7,7 +7,7 @@ import re
 import subprocess
 import time
 
-from programs import SOURCE, STICKSLIP, EndToEnd, main
+from programs import PATIENCE_S, SOURCE, STICKSLIP, EndToEnd, main
 
 PAGE = SOURCE / "docs/tutorial.md"
 TOLERANCE = 0.1  # of a number that the page shows, relative: other compilers round differently
@@ -65,7 +65,7 @@ class Tutorial(EndToEnd):
         (self.folder / "docs").symlink_to(SOURCE / "docs")
         script = "".join(f"{command}\necho '{ENDED}'$?\n" for command in commands)
         shell = subprocess.run(["bash", "-c", script], cwd=self.folder, text=True, stdout=subprocess.PIPE,
-                               stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=250,
+                               stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=PATIENCE_S,
                                env={**os.environ, "COLUMNS": "100"})
         parts = re.split(rf"{ENDED}(\d+)\n", shell.stdout)
         return list(zip(map(int, parts[1::2]), parts[0::2]))
