@@ -165,6 +165,7 @@ Detection detection_limits(const Task& task, const Hypothesis& hypothesis, const
     influences[i] = search.influence_of(candidates[i], scales(candidates[i].place));
   });
   Detection out;
+  out.samples = search.projection().samples();
   std::vector<const Influence*> found;
   for (const auto& each : influences) {
     if (!each) continue;

@@ -40,6 +40,7 @@ struct InseparablePair {
 struct Detection {
   std::vector<DetectionLimit> limits;        ///< in the order of the candidates
   std::vector<InseparablePair> inseparable;  ///< closest first
+  double samples = 0.0;                      ///< that the gains are per sample of
 };
 
 /// `fitted` belongs to `task` and `hypothesis`. At its limit an effect raises chi-squared per

@@ -132,18 +132,6 @@ Stretch stretch_of(const std::vector<WindowEvidence>& windows) {
   return out;
 }
 
-Channel drive_channel_of(physics::Excitation excitation) {
-  switch (excitation) {
-    case physics::Excitation::force:
-      return Channel::drive_force;
-    case physics::Excitation::imposed:
-      return Channel::displacement;
-    case physics::Excitation::base:
-      break;
-  }
-  return Channel::base_displacement;
-}
-
 // Index of the part of [-reach, reach] that holds a value.
 std::size_t cell_of(double value, double reach) {
   const double share = std::clamp(0.5 + 0.5 * value / reach, 0.0, 0.999999);
@@ -289,7 +277,7 @@ Evidence evidence_of(const Task& task, const FittedHypothesis& before,
   const Experiment& e = task.experiments.front();
   Collector collector(task, before, after);
   out.drive_noise_removed = e.drive_noise > 0.0;
-  out.driven_by = drive_channel_of(before.hypothesis->model().oscillator.excitation);
+  out.driven_by = drive_channel(before.hypothesis->model().oscillator.excitation);
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (e.is_compared(c)) out.channels.push_back(collector.channel(c));
   }

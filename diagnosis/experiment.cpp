@@ -395,14 +395,26 @@ class SegmentSignals {
   double acceleration_square_ = 0.0;
 };
 
+// Departure of a channel's filters from those that are declared.
+struct FilterChange {
+  double cutoff_factor = 1.0;
+  double lead_s = 0.0;  // keeps their lag
+};
+
+std::vector<physics::Filter> changed(std::vector<physics::Filter> filters,
+                                     const FilterChange& change) {
+  for (physics::Filter& filter : filters) filter.cutoff_hz.value *= change.cutoff_factor;
+  return filters;
+}
+
 // Before the filters of the channel. Guesses are without mains lines, which would corrupt a
 // velocity, and of motions without lines; the readings that models are compared with keep theirs.
-WideBand reconstructed(const Experiment& e, const Source& source, Channel channel,
-                       Purpose purpose) {
+WideBand reconstructed(const Experiment& e, const Source& source, Channel channel, Purpose purpose,
+                       const FilterChange& change = {}) {
   constexpr std::size_t fewest = 16;
   SegmentSignals out(e);
   const double period_s = e.period_s * source.of(channel).spacing;
-  const FilterChain chain(source.filters(channel), period_s);
+  const FilterChain chain(changed(source.filters(channel), change), period_s);
   for (const Segment& segment : e.segments) {
     Series series = series_over(source.of(channel), source.grid, {segment.begin, segment.end});
     if (series.value.size() < fewest) continue;
@@ -413,7 +425,7 @@ WideBand reconstructed(const Experiment& e, const Source& source, Channel channe
     } else {
       noise = NoiseFloor(series.value, period_s, white_std);
     }
-    out.add(segment, series, wide_band(series.value, period_s, chain, noise));
+    out.add(segment, series, wide_band(series.value, period_s, chain, noise, change.lead_s));
   }
   return out.result();
 }
@@ -492,10 +504,34 @@ physics::Input input_at(const Source& source, const WideBandSignals& signals,
   return input;
 }
 
+// The signals, were the cut-offs of the drive's channel higher and its lag the same.
+WideBandSignals at_higher_cutoff(const Experiment& e, const Source& source,
+                                 WideBandSignals signals) {
+  const Channel channel = drive_channel(source.excitation());
+  FilterChange change;
+  change.cutoff_factor = 1.0 + Experiment::higher_cutoff;
+  const double lag_s = FilterChain(source.filters(channel), e.period_s).lag_s();
+  change.lead_s = lag_s * (1.0 - 1.0 / change.cutoff_factor);
+  WideBand drive = reconstructed(e, source, channel, Purpose::input, change);
+  switch (source.excitation()) {
+    case Excitation::base:
+      signals.base = std::move(drive);
+      break;
+    case Excitation::force:
+      signals.drive_n = std::move(drive.value);
+      break;
+    case Excitation::imposed:
+      signals.displacement = std::move(drive);
+      break;
+  }
+  return signals;
+}
+
 // Between segments the inputs are those at the nearest end: a delay reaches a little beyond it.
-void set_inputs(Experiment& e, const Source& source, const WideBandSignals& signals) {
+std::vector<physics::Input> inputs_from(const Experiment& e, const Source& source,
+                                        const WideBandSignals& signals) {
   const auto substeps = static_cast<std::size_t>(e.substeps);
-  e.input.resize((e.samples - 1) * substeps + 1);
+  std::vector<physics::Input> input((e.samples - 1) * substeps + 1);
   std::size_t filled = 0;
   for (const Segment& segment : e.segments) {
     const std::size_t first = segment.begin * substeps;
@@ -503,15 +539,16 @@ void set_inputs(Experiment& e, const Source& source, const WideBandSignals& sign
     for (std::size_t i = first; i <= last; ++i) {
       const double fraction = static_cast<double>(i % substeps) / e.substeps;
       const double position = static_cast<double>(i / substeps) + fraction;
-      e.input[i] = input_at(source, signals, segment, position);
+      input[i] = input_at(source, signals, segment, position);
     }
     const std::size_t middle = filled > 0 ? filled + (first - filled) / 2 : 0;
     for (std::size_t i = filled; i < first; ++i) {
-      e.input[i] = i < middle ? e.input[filled - 1] : e.input[first];
+      input[i] = i < middle ? input[filled - 1] : input[first];
     }
     filled = last + 1;
   }
-  for (std::size_t i = filled; i < e.input.size(); ++i) e.input[i] = e.input[filled - 1];
+  for (std::size_t i = filled; i < input.size(); ++i) input[i] = input[filled - 1];
+  return input;
 }
 
 void set_guesses(Experiment& e, const Model& model, const WideBandSignals& signals) {
@@ -641,10 +678,25 @@ Experiment make_experiment(const protocol::Recording& as_recorded, const Model& 
                                                              : signals.base.acceleration_noise_std;
   e.drive_band_hz = signals.displacement.highest_hz;
   e.mean_load_n = mean_load_n(source);
-  set_inputs(e, source, signals);
+  e.input = inputs_from(e, source, signals);
+  if (!source.filters(drive_channel(source.excitation())).empty()) {
+    e.input_at_higher_cutoff = inputs_from(e, source, at_higher_cutoff(e, source, signals));
+  }
   set_guesses(e, model, signals);
   e.largest = largest_of(e.guess);
   return e;
+}
+
+Channel drive_channel(physics::Excitation excitation) {
+  switch (excitation) {
+    case Excitation::force:
+      return Channel::drive_force;
+    case Excitation::imposed:
+      return Channel::displacement;
+    case Excitation::base:
+      break;
+  }
+  return Channel::base_displacement;
 }
 
 double default_horizon_s(const Model& model, const Experiment& experiment) {

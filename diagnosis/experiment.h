@@ -76,7 +76,11 @@ struct Experiment {
   std::vector<std::uint8_t> valid;    ///< by sample, bits by channel: compare this reading
   std::uint8_t compared = 0;          ///< bits by channel: predicted by the model and recorded
   std::vector<physics::Input> input;  ///< (samples - 1) * substeps + 1 instants
-  std::vector<StateGuess> guess;      ///< one per sample
+  /// The same, were the cut-offs of the drive's channel higher by this share and its lag the same;
+  /// empty where the channel has no filters.
+  std::vector<physics::Input> input_at_higher_cutoff;
+  static constexpr double higher_cutoff = 0.05;
+  std::vector<StateGuess> guess;                     ///< one per sample
   std::array<double, channel_count> noise_std{};     ///< declared or estimated; 0: not recorded
   std::array<bool, channel_count> noise_declared{};  ///< and not contradicted by the readings
   std::array<double, channel_count> noise_above_declared{};  ///< noise_std over the declared one
@@ -131,6 +135,9 @@ void for_each_compared(const Experiment& e, std::size_t begin, std::size_t end, 
 /// something to compare with), is too short, or has fewer than three samples in a natural period of
 /// the model: then the times are in another unit. Outliers count as not measured.
 Experiment make_experiment(const protocol::Recording& recording, const physics::Model& model);
+
+/// The channel from which a recording's excitation is taken.
+Channel drive_channel(physics::Excitation excitation);
 
 /// Cuts the usable part of each segment into windows of `horizon_s`: eight of twelve to fit, three
 /// to select, and one to report, in blocks. Throws InputError for a horizon of fewer than

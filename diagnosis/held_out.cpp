@@ -107,7 +107,7 @@ double gain_z(const HeldOut& before, const HeldOut& after) {
 }
 
 bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
-             const Criteria& criteria) {
+             const Criteria& criteria, double least_chi2) {
   // An implausible calibration is missing physics too, however well it predicts.
   if (before.prior_penalty - after.prior_penalty > criteria.implausible_prior_penalty &&
       before.total_loss() - after.total_loss() > criteria.implausible_prior_penalty) {
@@ -118,14 +118,14 @@ bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
       noise_is_known || std::log(after.typical_chi2) < criteria.confirmed_noise_log;
   const bool certain = gain_z(before, after) > criteria.claim_z ||
                        (is_likelihood && is_gain_in_nats(before, after, criteria));
-  return certain && before.chi2 - after.chi2 > criteria.claim_chi2;
+  return certain && before.chi2 - after.chi2 > least_chi2;
 }
 
 bool is_major_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
-                   const Criteria& criteria) {
+                   const Criteria& criteria, double least_chi2) {
   const double excess = std::max(before.chi2 - 1.0, 1.0);
   const bool explained = after.chi2 <= explained_chi2(noise_is_known, criteria);
-  return is_gain(before, after, noise_is_known, criteria) &&
+  return is_gain(before, after, noise_is_known, criteria, least_chi2) &&
          (explained || before.chi2 - after.chi2 > criteria.claim_share_unexplained * excess);
 }
 

@@ -50,16 +50,16 @@ ScoreGain score_gain(const HeldOut& before, const HeldOut& after);
 /// are the independent units: samples within one share its state.
 double gain_z(const HeldOut& before, const HeldOut& after);
 
-/// True if the effect that `after` has and `before` lacks gains more than chance and more than an
-/// effect at its detection limit, however much is left: each of several effects may take little of
-/// the misfit that the others leave.
+/// True if the effect that `after` has and `before` lacks gains more than chance, and decreases
+/// chi-squared per sample by more than `least_chi2`, however much is left: each of several effects
+/// may take little of the misfit that the others leave.
 bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
-             const Criteria& criteria);
+             const Criteria& criteria, double least_chi2);
 
 /// The same for an effect that has to stand by itself: where the recording remains unexplained, any
 /// term absorbs a little of what the missing physics leaves, and only a large part counts.
 bool is_major_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
-                   const Criteria& criteria);
+                   const Criteria& criteria, double least_chi2);
 
 /// Held-out chi-squared per sample up to which a recording is explained.
 double explained_chi2(bool noise_is_known, const Criteria& criteria);

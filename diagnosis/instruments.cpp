@@ -15,7 +15,8 @@ constexpr double offset_share = 0.01;  // of the channel's standard deviation
 constexpr double delay_samples = 0.3;  // of a multiplexed converter
 constexpr double cutoff_share = 0.02;  // below its cut-off a low-pass is a delay
 
-// Standard deviation of the delay that its filters add to a channel [s].
+// Standard deviation of the delay that its filters add to a channel [s]. Only the drive shows more
+// of a cut-off than its delay: its noise is low, and what it lacks acts on everything.
 double filter_delay_sigma_s(const std::vector<physics::Filter>& filters) {
   double square = 0.0;
   for (const physics::Filter& filter : filters) {
@@ -34,12 +35,7 @@ double delay_sigma_s(const physics::Model& model, const Experiment& e, Channel c
   };
   const double converter_s = std::numbers::sqrt2 * delay_samples * e.period_s;
   const double before_s = channel == Channel::velocity ? of_filters(Channel::displacement) : 0.0;
-  const double drive_s = model.oscillator.excitation == physics::Excitation::base
-                             ? of_filters(Channel::base_displacement)
-                             : of_filters(model.oscillator.excitation == physics::Excitation::force
-                                              ? Channel::drive_force
-                                              : Channel::displacement);
-  return std::hypot(converter_s, std::hypot(of_filters(channel), before_s), drive_s);
+  return std::hypot(converter_s, of_filters(channel), before_s);
 }
 
 bool is_recorded(const Experiment& e, Channel channel) {
@@ -65,6 +61,11 @@ bool matters(const physics::Model& model, const Experiment& e, Channel channel) 
 }  // namespace
 
 physics::Model with_instruments(physics::Model model, const Experiment& e) {
+  const Channel drive = drive_channel(model.oscillator.excitation);
+  for (physics::Filter& filter : model.sensors[index_of(drive)].filters) {
+    physics::Parameter& cutoff_hz = filter.cutoff_hz;
+    if (!(cutoff_hz.sigma > 0.0)) cutoff_hz.sigma = cutoff_share * cutoff_hz.value;
+  }
   for (const Channel channel : all_channels) {
     if (!matters(model, e, channel)) continue;
     physics::Sensor& sensor = model.sensors[index_of(channel)];

@@ -16,6 +16,20 @@ namespace stickslip::diagnosis {
 
 using physics::Tier;
 
+namespace {
+
+// Of the effect's formula, relative: that of its least certain parameter.
+double formula_uncertainty(const CandidateEffect& candidate) {
+  if (candidate.is_number() || tier_of(candidate) == Tier::free_form) return 0.0;
+  double largest = 0.0;
+  for (const physics::ParameterCard& each : candidate.effect->card().parameters) {
+    if (!each.fixed_default) largest = std::max(largest, each.formula_uncertainty);
+  }
+  return largest;
+}
+
+}  // namespace
+
 void Search::run(const physics::Model& model) {
   report("calibrating the declared model", 0.0);
   declared_ = calibrate(data_, model);
@@ -25,21 +39,24 @@ void Search::run(const physics::Model& model) {
   features_ = features_of(current_);
   extend();
   while (!is_complete() && swap_effect()) extend();
-  while (drop_effect(
-      [this](const HeldOut& before, const HeldOut& after) { return is_gain(before, after); })) {
+  const auto gains = [this](const HeldOut& before, const HeldOut& after, double least) {
+    return is_gain(before, after, least);
+  };
+  while (drop_effect(gains)) {
   }
   // Effects that were claimed one by one have to explain the recording together.
-  while (!is_explained() && drop_effect([this](const HeldOut& before, const HeldOut& after) {
-    return is_major_gain(before, after);
-  })) {
+  const auto matters = [this](const HeldOut& before, const HeldOut& after, double least) {
+    return is_major_gain(before, after, least);
+  };
+  while (!is_explained() && drop_effect(matters)) {
   }
   if (data_.campaign && !claims_.empty()) estimate_spreads(data_, current_);
 }
 
 void Search::extend() {
   const std::size_t most = data_.criteria.effort.most_effects;
-  const auto gains = [this](const HeldOut& before, const HeldOut& after) {
-    return is_gain(before, after);
+  const auto gains = [this](const HeldOut& before, const HeldOut& after, double least) {
+    return is_gain(before, after, least);
   };
   // An addition may make an earlier one needless; as many steps as lead to `most` twice.
   for (std::size_t step = 0; step < 2 * most && claims_.size() < most && add_effect(); ++step) {
@@ -137,13 +154,31 @@ Detection Search::detection() const {
                           data_.criteria);
 }
 
-// True if a listed effect would explain a significant part of a small remainder.
+// Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones, of which
+// one may be left out: what the formulas of those may leave, wrong as they are by their own
+// uncertainty. Where none is claimed, what the declared model may leave.
+double Search::least_gain(std::optional<std::size_t> without) const {
+  double left = 0.0;
+  std::size_t claimed = 0;
+  for (std::size_t i = 0; i < claims_.size(); ++i) {
+    if (i == without) continue;
+    ++claimed;
+    const double taken = std::max(0.0, claims_[i].chi2_before - claims_[i].chi2_after);
+    left += taken * std::pow(formula_uncertainty(claims_[i].candidate), 2);
+  }
+  return claimed > 0 ? left : data_.criteria.claim_chi2;
+}
+
+// True if more than noise is left, and shows a listed effect beyond chance and beyond what formulas
+// may leave.
 bool Search::listed_effect_remains() const {
-  const double least = data_.criteria.claim_chi2;
-  if (!data_.noise_is_known || current_.held_out.chi2 < 1.0 + least) return false;
+  if (!data_.noise_is_known || current_.held_out.chi2 < 1.0) return false;
   const Detection found = detection();
+  const double least = least_gain();
+  const double most_by_chance = std::pow(data_.criteria.claim_z, 2);
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
-    return tier_of(limit.candidate) == Tier::listed && limit.gain > least;
+    return tier_of(limit.candidate) == Tier::listed && limit.gain > least &&
+           limit.gain * found.samples > most_by_chance;
   });
 }
 
@@ -608,7 +643,7 @@ bool Search::drop_effect(IsNeeded&& is_needed) {
     if (!rest) continue;
     fit_and_score(data_, current_.held_out, {&*rest, 1});
     if (auto held = with_instruments_held(*rest)) rest = std::move(held);
-    if (is_needed(rest->held_out, current_.held_out)) continue;
+    if (is_needed(rest->held_out, current_.held_out, least_gain(i))) continue;
     if (claims_[i].candidate.is_number() && is_contradiction(rest->held_out)) continue;
     claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
     if (claims_.empty()) {

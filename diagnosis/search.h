@@ -85,15 +85,23 @@ class Search {
   std::vector<FittedCandidate> screened(const FittedCandidate& base, double begin, double end,
                                         bool only_listed) const;
   std::uint64_t seed() const { return data_.seed + claims_.size(); }
+  double least_gain(std::optional<std::size_t> without = {}) const;
+  bool is_gain(const HeldOut& before, const HeldOut& after, double least_chi2) const {
+    return diagnosis::is_gain(before, after, data_.noise_is_known, data_.criteria, least_chi2);
+  }
   bool is_gain(const HeldOut& before, const HeldOut& after) const {
-    return diagnosis::is_gain(before, after, data_.noise_is_known, data_.criteria);
+    return is_gain(before, after, least_gain());
   }
   bool is_explained(const FittedCandidate& each) const {
     return each.held_out.chi2 <= data_.explained_chi2();
   }
 
+  bool is_major_gain(const HeldOut& before, const HeldOut& after, double least_chi2) const {
+    return diagnosis::is_major_gain(before, after, data_.noise_is_known, data_.criteria,
+                                    least_chi2);
+  }
   bool is_major_gain(const HeldOut& before, const HeldOut& after) const {
-    return diagnosis::is_major_gain(before, after, data_.noise_is_known, data_.criteria);
+    return is_major_gain(before, after, least_gain());
   }
 
   ResidualFeatures features_of(const FittedCandidate& each) const;

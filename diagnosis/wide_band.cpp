@@ -158,7 +158,8 @@ struct WideBandSpectra {
 };
 
 WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double period_s,
-                                 const physics::FilterChain& chain, const NoiseFloor& noise) {
+                                 const physics::FilterChain& chain, const NoiseFloor& noise,
+                                 double lead_s) {
   const std::size_t length = spectrum.size();
   const std::size_t half = length / 2;
   const AveragedPower power(spectrum, half);
@@ -172,9 +173,10 @@ WideBandSpectra inverse_filtered(const std::vector<Complex>& spectrum, double pe
     const double noise_power = noise.at(frequency) * static_cast<double>(length);
     const double gain = mean > pass_ratio * noise_power ? 1.0 - noise_power / mean : 0.0;
     const Complex response = chain.response(frequency);
-    const Complex inverse = std::conj(response) / (std::norm(response) + inverse_floor);
-    const Complex y = spectrum[i] * gain * inverse;
     const Complex s(0.0, 2.0 * std::numbers::pi * frequency);
+    const Complex inverse =
+        std::conj(response) / (std::norm(response) + inverse_floor) * std::exp(s * lead_s);
+    const Complex y = spectrum[i] * gain * inverse;
     out.value[i] = y;
     out.rate[i] = y * s;
     out.acceleration[i] = y * s * s;
@@ -207,9 +209,10 @@ double error_std(const std::vector<double>& error, const WideBandSpectra& spectr
 }
 
 // The line passes through the chain as a line; removing the chain's lag moves it by slope * lag.
-void add_line(WideBand& out, const Line& line, double period_s, const physics::FilterChain& chain) {
+void add_line(WideBand& out, const Line& line, double period_s, const physics::FilterChain& chain,
+              double lead_s) {
   const double small = 1.0e-3;
-  const double lag = -std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
+  const double lag = lead_s - std::arg(chain.response(small)) / (2.0 * std::numbers::pi * small);
   for (std::size_t i = 0; i < out.value.size(); ++i) {
     out.value[i] += line.first + line.slope * (static_cast<double>(i) + lag / period_s);
     out.rate[i] += line.slope / period_s;
@@ -217,8 +220,9 @@ void add_line(WideBand& out, const Line& line, double period_s, const physics::F
 }
 
 void add_inverse_filtered(WideBand& out, const Exponential& each, double period_s,
-                          const physics::FilterChain& chain) {
-  const double inverse = (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
+                          const physics::FilterChain& chain, double lead_s) {
+  const double inverse =
+      std::exp(each.s_per_s * lead_s) * (1.0 / chain.transfer({each.s_per_s, 0.0})).real();
   for (std::size_t i = 0; i < out.value.size(); ++i) {
     const double value = inverse * each.at(period_s * static_cast<double>(i));
     out.value[i] += value;
@@ -230,7 +234,8 @@ void add_inverse_filtered(WideBand& out, const Exponential& each, double period_
 // For lengths that are fast to transform. Zero padding to such a length would give the odd
 // extension a kink.
 WideBand wide_band_of_fast_length(std::span<const double> samples, double period_s,
-                                  const physics::FilterChain& chain, const NoiseFloor& noise) {
+                                  const physics::FilterChain& chain, const NoiseFloor& noise,
+                                  double lead_s) {
   const std::size_t n = samples.size();
   const std::size_t half = n - 1;  // half a period of the odd extension
 
@@ -247,7 +252,7 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   const std::vector<double> odd = odd_extension(rest, line);
 
   const std::vector<std::complex<double>> spectrum = fourier(odd);
-  const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise);
+  const WideBandSpectra spectra = inverse_filtered(spectrum, period_s, chain, noise, lead_s);
 
   WideBand out;
   out.rate_noise_std = error_std(spectra.rate_error, spectra, period_s);
@@ -262,8 +267,10 @@ WideBand wide_band_of_fast_length(std::span<const double> samples, double period
   out.value = back(spectra.value);
   out.rate = back(spectra.rate);
   out.acceleration = back(spectra.acceleration);
-  add_line(out, line, period_s, chain);
-  for (const Exponential& each : curvatures) add_inverse_filtered(out, each, period_s, chain);
+  add_line(out, line, period_s, chain, lead_s);
+  for (const Exponential& each : curvatures) {
+    add_inverse_filtered(out, each, period_s, chain, lead_s);
+  }
   return out;
 }
 
@@ -275,14 +282,15 @@ WideBand wide_band(std::span<const double> samples, double period_s,
 }
 
 WideBand wide_band(std::span<const double> samples, double period_s,
-                   const physics::FilterChain& chain, const NoiseFloor& noise) {
+                   const physics::FilterChain& chain, const NoiseFloor& noise, double lead_s) {
   const std::size_t n = samples.size();
   std::size_t fast = n;
   while (!has_small_factors(fast - 1)) --fast;
-  WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise);
+  WideBand out = wide_band_of_fast_length(samples.first(fast), period_s, chain, noise, lead_s);
   if (fast == n) return out;
   // Once from each end: the first half from the leading samples, the second from the trailing ones.
-  const WideBand later = wide_band_of_fast_length(samples.last(fast), period_s, chain, noise);
+  const WideBand later =
+      wide_band_of_fast_length(samples.last(fast), period_s, chain, noise, lead_s);
   const auto half = static_cast<std::ptrdiff_t>(fast / 2);
   const auto missing = static_cast<std::ptrdiff_t>(n - fast);
   for (auto member : {&WideBand::value, &WideBand::rate, &WideBand::acceleration}) {

@@ -25,9 +25,9 @@ struct WideBand {
 
 /// Inverts `chain` on `samples` (period_s apart, at least 8 of them) at frequencies where the
 /// signal exceeds the noise. The derivatives are less accurate within about a tenth of a second of
-/// both ends.
+/// both ends. `lead_s`: further time by which the signal leads its reading.
 WideBand wide_band(std::span<const double> samples, double period_s,
-                   const physics::FilterChain& chain, const NoiseFloor& noise);
+                   const physics::FilterChain& chain, const NoiseFloor& noise, double lead_s = 0.0);
 
 /// With white noise of `noise_std` per sample.
 WideBand wide_band(std::span<const double> samples, double period_s,

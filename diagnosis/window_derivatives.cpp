@@ -84,7 +84,7 @@ void DerivedMotion::add_passes(const WindowRun& run) {
       seeded[each.index].d[next + static_cast<Eigen::Index>(i)] = Dual::slope(each.slope);
     }
     const auto n = numbers_on_recording<Dual>(rig_, std::span<const Dual>(seeded));
-    const DelayedInput<Dual> input(run, n, rig_.structure().excitation);
+    const CorrectedInput<Dual> input(run, n, rig_.structure().excitation);
     passes_.push_back({n, input, first, some, next, passes_.empty()});
     first += some;
     next = 0;
@@ -115,9 +115,9 @@ void DerivedMotion::advance(const WindowStep& step) {
     RigState<Dual> s = begun(pass);
     Dual error(step.error.of(from_));
     if (pass.of_beginning && directions_.knots > 0) error.d[drive_direction_] = 1.0F;
-    s.unrecorded = pass.input.lead_term(step.now, step.next) + error;
+    s.unrecorded = pass.input.derivative_term(step.element, step.now, step.next) + error;
     if (rig_.structure().excitation == physics::Excitation::imposed) {
-      s.s[physics::state::v] = step.now.velocity_m_s + error;
+      s.s[physics::state::v] = step.now.velocity_m_s + s.unrecorded;
     }
     rig_.step(s, step.now, step.next, step.time_s, step.length_s, pass.n);
     take(pass, step.error, s, rig_.quantities(s, step.next, pass.n));

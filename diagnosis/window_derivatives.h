@@ -52,7 +52,7 @@ class DerivedMotion {
   // parameters, then the remaining parameters.
   struct Pass {
     physics::RigNumbers<physics::Dual> n;
-    DelayedInput<physics::Dual> input;
+    CorrectedInput<physics::Dual> input;
     std::size_t first_parameter = 0;
     std::size_t parameters = 0;
     Eigen::Index first_direction = 0;  // of its parameters
@@ -92,7 +92,7 @@ void run_window_derived(const WindowRun& run, const physics::Rig& rig,
                         const Directions& directions, const WindowState& from, Sink&& sink) {
   using physics::Dual;
   const auto plain = numbers_on_recording<double>(rig, parameters);
-  const DelayedInput<double> input(run, plain, rig.structure().excitation);
+  const CorrectedInput<double> input(run, plain, rig.structure().excitation);
   DerivedMotion motion(run, rig, parameters, directions, from, input.at(run.first_input()));
   std::vector<WindowReader<Dual>> readers;
   std::vector<std::vector<Dual>> seeded = seeded_blocks(parameters, directions);

@@ -458,7 +458,7 @@ WindowState WindowProblem::propagated(std::size_t w, const WindowState& from) co
   const WindowRun run = run_of(w - 1, task_.steps);
   const double h = run.step_s();
   const auto& numbers = numbers_[e.recording];
-  const DelayedInput<double> input(run, numbers, rig.structure().excitation);
+  const CorrectedInput<double> input(run, numbers, rig.structure().excitation);
   RigState<double> s;
   std::copy_n(from.begin(), s.s.size(), s.s.begin());
   double time_s = e.elapsed_s(run.window.warm);

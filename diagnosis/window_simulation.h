@@ -71,41 +71,74 @@ class DriveError {
   double span_s_;
 };
 
-/// The inputs of a window as they acted, corrected for the delay of their own channel.
+/// The inputs of a window as they acted, corrected for the delay of their own channel and the
+/// cut-offs of its filters.
 template <class T>
-class DelayedInput {
+class CorrectedInput {
  public:
-  DelayedInput(const WindowRun& run, const physics::RigNumbers<T>& n,
-               physics::Excitation excitation)
+  CorrectedInput(const WindowRun& run, const physics::RigNumbers<T>& n,
+                 physics::Excitation excitation)
       : recorded_(run.e.input),
-        of_force_(excitation == physics::Excitation::force),
+        higher_cutoff_(run.e.input_at_higher_cutoff),
+        excitation_(excitation),
         is_late_(n.reading.any_delay),
-        steps_(physics::value_of(n.input_lead_s) * run.e.substeps / run.e.period_s) {
+        steps_(physics::value_of(n.input_lead_s) * run.e.substeps / run.e.period_s),
+        share_(higher_cutoff_.empty()
+                   ? 0.0
+                   : physics::value_of(n.input_cutoff_change) / Experiment::higher_cutoff) {
     // The input is linear between its values: its derivative with respect to the lead is its slope.
     per_step_ =
         n.input_gain * (n.input_lead_s - physics::value_of(n.input_lead_s)) * (1.0 / run.step_s());
+    per_share_ = n.input_gain * (n.input_cutoff_change - physics::value_of(n.input_cutoff_change)) *
+                 (1.0 / Experiment::higher_cutoff);
   }
   physics::Input at(std::size_t element) const {
-    if (!is_late_ || steps_ == 0.0) return recorded_[element];
-    const double last = static_cast<double>(recorded_.size() - 1);
-    const double position = std::clamp(static_cast<double>(element) + steps_, 0.0, last);
-    const auto before = std::min(static_cast<std::size_t>(position), recorded_.size() - 2);
-    return physics::between(recorded_[before], recorded_[before + 1],
-                            position - static_cast<double>(before));
+    if (!is_late_) return recorded_[element];
+    const physics::Input recorded = delayed(recorded_, element);
+    if (share_ == 0.0) return recorded;
+    return physics::between(recorded, delayed(higher_cutoff_, element), share_);
   }
-  /// Contribution of the derivative with respect to the lead, from `now` to `next`, one step later.
-  T lead_term(const physics::Input& now, const physics::Input& next) const {
+  /// Contribution of the derivatives with respect to lead and cut-offs in the step from `now`,
+  /// which is `element`, to `next`.
+  T derivative_term(std::size_t element, const physics::Input& now,
+                    const physics::Input& next) const {
     if (!is_late_) return T(0.0);
-    return per_step_ * (of_force_ ? next.drive_force_n - now.drive_force_n
-                                  : next.base_acceleration_m_s2 - now.base_acceleration_m_s2);
+    T out = per_step_ * (drive_of(next) - drive_of(now));
+    if (!higher_cutoff_.empty()) {
+      out += per_share_ * (drive_of(higher_cutoff_[element]) - drive_of(recorded_[element]));
+    }
+    return out;
   }
 
  private:
+  physics::Input delayed(const std::vector<physics::Input>& input, std::size_t element) const {
+    if (steps_ == 0.0) return input[element];
+    const double last = static_cast<double>(input.size() - 1);
+    const double position = std::clamp(static_cast<double>(element) + steps_, 0.0, last);
+    const auto before = std::min(static_cast<std::size_t>(position), input.size() - 2);
+    return physics::between(input[before], input[before + 1],
+                            position - static_cast<double>(before));
+  }
+  double drive_of(const physics::Input& input) const {
+    switch (excitation_) {
+      case physics::Excitation::force:
+        return input.drive_force_n;
+      case physics::Excitation::imposed:
+        return input.velocity_m_s;
+      case physics::Excitation::base:
+        break;
+    }
+    return input.base_acceleration_m_s2;
+  }
+
   const std::vector<physics::Input>& recorded_;
-  bool of_force_;
+  const std::vector<physics::Input>& higher_cutoff_;
+  physics::Excitation excitation_;
   bool is_late_;
   double steps_;
+  double share_;  // of the way to the higher cut-off
   T per_step_{0.0};
+  T per_share_{0.0};
 };
 
 /// Times at which the readings of a window were taken, in order for each channel: those of the
@@ -254,6 +287,7 @@ class WindowReader {
 /// One step of a window's integration.
 struct WindowStep {
   physics::Input now, next;
+  std::size_t element = 0;  ///< of Experiment::input, of `now`
   double time_s = 0.0;
   double length_s = 0.0;
   DriveError::Shares error;  ///< of the drive, at its middle
@@ -263,8 +297,8 @@ struct WindowStep {
 /// read(time since window.warm at which the step began), until complete(). False if the recording
 /// ended before.
 template <class Motion, class Read, class Complete>
-bool run_steps(const WindowRun& run, const DelayedInput<double>& input, Motion& motion, Read&& read,
-               Complete&& complete) {
+bool run_steps(const WindowRun& run, const CorrectedInput<double>& input, Motion& motion,
+               Read&& read, Complete&& complete) {
   const double start_time = run.e.elapsed_s(run.window.warm);
   const DriveError error(run.e, run.window);
   const std::size_t stride = run.stride();
@@ -273,6 +307,7 @@ bool run_steps(const WindowRun& run, const DelayedInput<double>& input, Motion& 
   std::size_t at = run.first_input();
   step.next = input.at(at);
   for (std::size_t i = 0; !complete(); ++i) {
+    step.element = at;
     at += stride;
     if (at >= run.e.input.size()) return false;
     const double since_warm = static_cast<double>(i) * step.length_s;
@@ -319,7 +354,7 @@ class PlainMotion {
 template <class Sink>
 void run_window(const WindowRun& run, const physics::Rig& rig, const physics::SensorBank& bank,
                 const physics::RigNumbers<double>& n, const WindowState& from, Sink&& sink) {
-  const DelayedInput<double> input(run, n, rig.structure().excitation);
+  const CorrectedInput<double> input(run, n, rig.structure().excitation);
   PlainMotion motion(rig, n, from, input.at(run.first_input()), run.e.elapsed_s(run.window.warm));
   WindowReader<double> reader(run, bank, n.reading);
   reader.settle(motion.quantities());
@@ -336,12 +371,11 @@ template <class T>
 physics::RigNumbers<T> numbers_on_recording(const physics::Rig& rig,
                                             std::span<const T> parameters) {
   physics::RigNumbers<T> n = rig.numbers<T>(parameters);
-  const Channel driving = rig.structure().excitation == physics::Excitation::force
-                              ? Channel::drive_force
-                              : Channel::base_displacement;
+  const Channel driving = drive_channel(rig.structure().excitation);
   const T& gain = n.reading.of[index_of(driving)].gain;
   if (physics::value_of(gain) != 1.0 || n.reading.any_error) n.input_gain = 1.0 / gain;
   n.input_lead_s = n.reading.of[index_of(driving)].delay_s;
+  n.input_cutoff_change = n.reading.of[index_of(driving)].cutoff_change;
   if (driving == Channel::drive_force) n.input_offset_n = n.reading.of[index_of(driving)].offset;
   const physics::ReadingLaw<T>& load = n.reading.of[index_of(Channel::normal_load)];
   n.load_gain = 1.0 / load.gain;

@@ -351,7 +351,9 @@ T read_instrument(const Sensor& sensor, ParameterReader<T>& parameters, ReadingL
   for (const Filter& filter : sensor.filters) {
     const T& cutoff_hz = parameters.next();
     if (!acts<T>(filter.cutoff_hz, cutoff_hz, filter.cutoff_hz.value)) continue;
-    lag_s += further_lag_s(filter, cutoff_hz);
+    const T further_s = further_lag_s(filter, cutoff_hz);
+    law.cutoff_change -= further_s / FilterChain(sensor.filters, 1.0e-3).lag_s();
+    lag_s += further_s;
     late = true;
   }
   law.delay_s += lag_s;

@@ -64,6 +64,8 @@ struct RigNumbers {
   ReadingLaws<T> reading;
   /// True over given excitation; other than 1 for recorded inputs whose channel has a gain error.
   T input_gain{1.0};
+  /// Relative change of the cut-offs of the channel of the excitation, beyond that of its lag.
+  T input_cutoff_change{0.0};
   /// Time by which the true excitation leads the given one, whose channel is delayed [s].
   T input_lead_s{0.0};
   T input_offset_n{0.0};  ///< of a recorded drive force

@@ -132,7 +132,7 @@ TEST(Balances, OfOtherFrictionFailInItsLawAlone) {
 
 TEST(Balances, OfALateFrictionChannelFailInForceAndFrictionAlike) {
   Model truth = rubbing_mass();
-  truth.sensors[index_of(Channel::friction_force)].delay_s = Parameter{0.008};
+  truth.sensors[index_of(Channel::friction_force)].delay_s = Parameter{0.010};
   const Balances found = balances_against(rubbing_mass(), recorded(truth));
   EXPECT_GT(excess(found, Balance::force_balance), 1.5);
   EXPECT_GT(excess(found, Balance::friction_law), 1.5);

@@ -3,8 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <complex>
+#include <numbers>
+
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/report/text.h"
+#include "physics/sensor_chain.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -76,6 +80,62 @@ TEST(Instruments, AreFindingsBeyondIt) {
   EXPECT_EQ(name_of(got.verdict), "missing_physics") << report_text(got);
   ASSERT_EQ(got.findings.size(), 1U) << report_text(got);
   EXPECT_EQ(got.findings[0].effect->card().id, "channel_delay");
+}
+
+constexpr double declared_cutoff_hz = 30.0;
+
+/// Filter of the drive's channel.
+physics::Filter low_pass(physics::Parameter cutoff_hz) {
+  return {physics::FilterKind::butterworth_lowpass, 2, cutoff_hz};
+}
+
+/// Forces that the mass follows above and below its resonance, and their readings through a
+/// low-pass, without noise of the channel.
+protocol::Recording driven_through(double cutoff_hz) {
+  constexpr std::array<std::array<double, 2>, 3> tones = {{{1.0, 2.3}, {40.0, 7.1}, {100.0, 11.9}}};
+  const physics::Filter filter = low_pass({cutoff_hz});
+  const physics::FilterChain chain({&filter, 1}, 1.0e-3);
+  const auto force = [&](double time_s, bool filtered) {
+    double sum = 0.0;
+    for (const auto& [amplitude, frequency_hz] : tones) {
+      const auto response = filtered ? chain.response(frequency_hz) : std::complex<double>(1.0);
+      sum += amplitude * std::abs(response) *
+             std::sin(2.0 * std::numbers::pi * frequency_hz * time_s + std::arg(response));
+    }
+    return sum;
+  };
+  protocol::Recording recording =
+      record(driven_mass(), 24.0, 1, true, [&](double time_s) { return force(time_s, false); });
+  for (Frame& frame : recording.frames) {
+    const double time_s = 1.0e-9 * static_cast<double>(frame.time_ns);
+    frame.set(Channel::drive_force, force(time_s, true));
+  }
+  return recording;
+}
+
+/// Fit of all windows to a recording whose drive's cut-off is 3 % above the declared one.
+Fit fit_of_drive(physics::Parameter cutoff_hz, physics::Parameter delay_s) {
+  physics::Model model = driven_mass();
+  model.sensors[drive].filters = {low_pass(cutoff_hz)};
+  model.sensors[drive].delay_s = delay_s;
+  const std::vector<Experiment> experiments = {
+      experiment_of(driven_through(1.03 * declared_cutoff_hz), model)};
+  const Task task = test::all_windows(experiments);
+  const Hypothesis hypothesis(model);
+  FitOptions options;
+  options.iterations = 20;
+  return fit(task, hypothesis, std::vector<double>(hypothesis.unknowns().size(), 0.0),
+             initial_states(task, hypothesis), options);
+}
+
+TEST(Instruments, ACutOffOfTheDriveIsMoreThanADelay) {
+  constexpr double sigma_hz = 0.02 * declared_cutoff_hz;
+  const Fit late = fit_of_drive({declared_cutoff_hz}, {0.0, 1.0e-3});
+  EXPECT_GT(late.chi2_per_sample(), 1.3);
+  const Fit filtered = fit_of_drive({declared_cutoff_hz, sigma_hz}, {0.0});
+  EXPECT_NEAR(filtered.chi2_per_sample(), 1.0, 0.05);
+  const double error = 0.03 * declared_cutoff_hz - sigma_hz * filtered.z.back();
+  EXPECT_NEAR(error, 0.0, 0.002 * declared_cutoff_hz);
 }
 
 }  // namespace
