@@ -6,7 +6,7 @@ import fs from "node:fs";
 import path from "node:path";
 import { test } from "node:test";
 import { close, ink, near, open, state, text } from "./fed_page.mjs";
-import { drawn, held, run, stickslip, temporaryFolder, until } from "./programs.mjs";
+import { drawn, held, lookForBarriers, run, stickslip, temporaryFolder, until } from "./programs.mjs";
 
 // Values that are identical on every machine, bit for bit, unlike a sine.
 const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
@@ -1066,19 +1066,11 @@ for (const [name, options, keys] of [["large", { width: 1500 }, ["b"]], ["phone"
   });
 }
 
-// Checks accessibility: no serious finding, no horizontal overflow.
-async function lookForBarriers(page, name) {
-  if (!(await page.evaluate(() => window.axe !== undefined))) await page.evaluate(fs.readFileSync(process.env.AXE, "utf8"));
-  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
-  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
-  assert.deepEqual(serious.map(({ id, nodes }) => [id, nodes.map(({ target, failureSummary }) => `${target}: ${failureSummary}`)]), [], name);
-  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= window.innerWidth), `${name}: wider than the window`);
-}
-
 for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844, isMobile: true, hasTouch: true }]]) {
   test(`accessible: ${name}`, async () => {
     const page = await open(options);
     await page.evaluate(() => {
+      feed.text({ type: "hello", version: "test", program: "stickslip scope", history_s: 60, url: "memq://", notes: true, recording: false });
       feed.frames(0, 12000, { per: 1000 });
       feed.excitation(0, 12000, 3.2, 0.01);
       for (let i = 0; i < 12000; i += 100) feed.estimate(i);
