@@ -298,7 +298,13 @@ void choose_stretches(Evidence& out) {
     return best;
   };
   out.worst = around(worst);
+  const auto overlaps = [&](const Stretch& one) {
+    return one.first < out.worst.first + out.worst.count && out.worst.first < one.first + one.count;
+  };
   out.typical = around(typical);
+  if (!overlaps(out.typical)) return;
+  out.worst = worst;
+  out.typical = typical.first == worst.first ? Stretch{} : typical;
 }
 
 Evidence evidence_of(const Task& task, const FittedHypothesis& before,

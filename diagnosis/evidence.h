@@ -65,7 +65,7 @@ struct Evidence {
   PhaseMap map;
   std::vector<WindowEvidence> windows;  ///< in order of time
   Stretch worst;        ///< with the window of the largest residuals of the declared model
-  Stretch typical;      ///< with a window of median residuals
+  Stretch typical;      ///< with one of median residuals, none shown twice; may be empty
   double median = 0.0;  ///< mean square of the residuals of the median held-out window
   Channel driven_by = Channel::base_displacement;  ///< channel of the drive amplitudes
   bool drive_noise_removed = false;                ///< the error of the drive was removed

@@ -17,6 +17,22 @@ Model model_of(const FittedCandidate& each, std::size_t unknown, double by) {
   return each.hypothesis->model_at(z);
 }
 
+// Points spread over the longest segment of the recording.
+RecordedFriction spread_friction(const Experiment& e) {
+  constexpr std::size_t most = 1500;
+  RecordedFriction out;
+  if (!e.is_compared(index_of(Channel::friction_force)) || e.guess.empty()) return out;
+  const Segment segment = e.longest_segment();
+  const std::size_t count = segment.usable_end - segment.usable_begin;
+  const std::size_t step = std::max<std::size_t>(1, count / most);
+  for (std::size_t k = segment.usable_begin; k < segment.usable_end; k += step) {
+    out.displacement_m.push_back(e.guess[k].displacement_m);
+    out.velocity_m_s.push_back(e.guess[k].velocity_m_s);
+    out.force_n.push_back(e.guess[k].friction_n);
+  }
+  return out;
+}
+
 Curve curve_of(const FrictionCycle& cycle) {
   return {"cycle", "", "friction force", "N", cycle.velocity_m_s, cycle.force_n};
 }
@@ -41,7 +57,7 @@ std::vector<std::size_t> unknowns_of(const FittedCandidate& each, const Friction
 FrictionPicture friction_picture(const FittedCandidate& declared, const FittedCandidate& mended,
                                  const Experiment& experiment) {
   FrictionPicture out;
-  out.recorded = recorded_friction(experiment);
+  out.recorded = spread_friction(experiment);
   out.declared = friction_cycle(declared.hypothesis->model_at(declared.fitted.z), experiment);
   out.mended = friction_cycle(mended.hypothesis->model_at(mended.fitted.z), experiment);
   const std::vector<std::size_t> unknowns = unknowns_of(mended, out.mended, experiment);

@@ -2,7 +2,6 @@
 #include "diagnosis/report/figures.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <initializer_list>
@@ -392,8 +391,10 @@ std::string stretch_figures(const Diagnosis& d) {
   const ResultUnits units(d.model);
   std::string out = "<div class=\"plots\">\n";
   for (const ChannelEvidence* channel : worst_first(evidence)) {
-    const std::array<Shown, 2> both = {Shown{evidence.worst, channel->worst, "worst"},
-                                       Shown{evidence.typical, channel->typical, "typical"}};
+    std::vector<Shown> both = {{evidence.worst, channel->worst, "worst"}};
+    if (evidence.typical.count > 0) {
+      both.push_back({evidence.typical, channel->typical, "typical"});
+    }
     for (const Shown& shown : both) {
       out += overlay_figure(evidence, *channel, shown, changed, units);
     }

@@ -16,8 +16,9 @@ Answer answer_of(const diagnosis::Diagnosis& diagnosis);
 /// Whether the first alternative is at least half as probable.
 bool has_rival(const diagnosis::Finding& finding);
 
-/// Gain [standard errors] below which it is not significant: 95 %, one-sided.
-inline constexpr double significant_gain_z = 1.645;
+/// Gain [standard errors] below which it is not significant. (Windows with very different gains
+/// have a large standard error, so a larger limit would deny clear findings.)
+inline constexpr double significant_gain_z = 1.0;
 
 /// "hardening spring (52 %) or end stop (48 %)"; without the other where it is less than half as
 /// probable.

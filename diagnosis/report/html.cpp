@@ -116,17 +116,18 @@ Section stretch_section(const Diagnosis& d) {
            format_number(evidence.windows[stretch.first + stretch.count - 1].end_s, 4) +
            ResultUnits(d.model).after_number("s");
   };
-  out += paragraph("Left: " + span(evidence.worst) +
-                   ", with the held-out window in which the declared model fits worst. Right: " +
-                   span(evidence.typical) +
-                   ", with a typical one. Dotted lines: start of a window, with an initial state "
-                   "fitted to that window alone." +
-                   drive_noise_remark(evidence));
+  const bool has_typical = evidence.typical.count > 0;
+  out += paragraph(
+      (has_typical ? "Left: " : "Shown: ") + span(evidence.worst) +
+      ", with the held-out window in which the declared model fits worst." +
+      (has_typical ? " Right: " + span(evidence.typical) + ", with a typical one." : "") +
+      " Dotted lines: start of a window, with an initial state fitted to that window alone." +
+      drive_noise_remark(evidence));
   out += figures;
   Table table("Mean square of the residuals of the declared model over that of the noise.",
               {"windows", "residual"});
-  table.row({"worst, left", format_number(evidence.worst.before)});
-  table.row({"typical, right", format_number(evidence.typical.before)});
+  table.row({"worst, shown", format_number(evidence.worst.before)});
+  if (has_typical) table.row({"typical, shown", format_number(evidence.typical.before)});
   table.row({"median of single windows", format_number(evidence.median)});
   out += table.html();
   return out;

@@ -367,8 +367,8 @@ TEST(ReportHtml, NumbersOfSentencesStandInTables) {
                             "<th scope=\"row\">chi-squared per sample</th><td>8.75</td>",
                             "<th scope=\"row\">synthetic recordings</th><td>40</td>",
                             "<th scope=\"row\">false alarms</th><td>3</td>", "<td>1.37</td>",
-                            "<th scope=\"row\">worst, left</th><td>9.50</td>",
-                            "<th scope=\"row\">typical, right</th><td>9.00</td>"}) {
+                            "<th scope=\"row\">worst, shown</th><td>9.50</td>",
+                            "<th scope=\"row\">typical, shown</th><td>9.00</td>"}) {
     EXPECT_THAT(page, HasSubstr(cells));
   }
 }
@@ -436,6 +436,17 @@ TEST(Stretches, TheWorstHasTheWorstWindowAndTheTypicalAMedianOne) {
   EXPECT_EQ(evidence.median, 4.0);
   EXPECT_EQ(evidence.typical.first, 0U);
   EXPECT_EQ(evidence.typical.count, 3U);
+  // Neighbours in both would be shown twice.
+  evidence.windows.resize(3);
+  choose_stretches(evidence);
+  EXPECT_EQ(evidence.worst.first, 1U);
+  EXPECT_EQ(evidence.worst.count, 1U);
+  EXPECT_EQ(evidence.typical.count, 1U);
+  EXPECT_NE(evidence.typical.first, 1U);
+  evidence.windows.resize(1);
+  choose_stretches(evidence);
+  EXPECT_EQ(evidence.worst.count, 1U);
+  EXPECT_EQ(evidence.typical.count, 0U);
 }
 
 TEST(ReportHtml, SeparatesTheFormulaFromTheFitAndSaysWhatScoresBetter) {
