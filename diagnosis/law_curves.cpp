@@ -124,6 +124,10 @@ FrictionCycle friction_cycle(const Model& model, const Experiment& experiment) {
           out.velocity_m_s.push_back(now.velocity_m_s);
           out.force_n.push_back(force);
         });
+  // A closed loop.
+  for (std::vector<double>* list : {&out.displacement_m, &out.velocity_m_s, &out.force_n}) {
+    list->push_back(list->front());
+  }
   return out;
 }
 

@@ -142,7 +142,7 @@ std::string explanations_text(const Finding& finding) {
 std::string fit_remark(const Diagnosis& d) {
   const double chi2 = d.augmented ? d.augmented->chi2_per_sample : d.baseline.chi2_per_sample;
   if (!(chi2 < far_below_1)) return "";
-  return std::string(" A chi-squared far below 1 says that the noise was ") +
+  return std::string(" Chi-squared is far below 1: the noise was ") +
          (d.noise_estimated.empty() ? "declared" : "estimated") + " too large.";
 }
 
