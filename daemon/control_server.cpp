@@ -348,7 +348,20 @@ void ControlServer::handle(ClientId client, const protocol::ControlRequest& requ
     log(peer_of(client), Severity::info, what);
     return answer(client, request.id, out);
   }
+  if (request.command == "note") return take_note(client, request);
   submit(client, request, command_of(request));
+}
+
+void ControlServer::take_note(ClientId client, const protocol::ControlRequest& request) {
+  const json arguments = json::parse(request.arguments);
+  const std::string rig = arguments.contains("rig") ? text(arguments, "rig") : "";
+  const Event note = handlers_.note(text(arguments, "text"), rig);
+  json out = rig_state();
+  out["time_ns"] = note.time_ns;
+  out["sequence"] = note.sequence;
+  // The text has a line of its own.
+  log(peer_of(client), Severity::info, words_for(request) + ": accepted");
+  answer(client, request.id, out);
 }
 
 /// False for a request that is not a query. Queries are not logged.
@@ -395,7 +408,7 @@ Command ControlServer::command_of(const protocol::ControlRequest& request) {
   } else {
     refuse_request("there is no command \"" + name.substr(0, 40) +
                    "\"; expected status, describe, clear, arm, disarm, start, stop, alive, set, "
-                   "average, model, drive, reload or watch");
+                   "average, model, drive, note, reload or watch");
   }
   return command;
 }

@@ -31,6 +31,9 @@ struct ControlHandlers {
   std::function<void(const Setting&)> was_set;
   /// The rig, for a client that designs runs.
   std::function<nlohmann::json()> describe;
+  /// Publishes and records a note at the latest frame. `rig`: the one that it is about; empty: this
+  /// one. Throws InputError for an invalid text or another rig.
+  std::function<Event(const std::string& text, const std::string& rig)> note;
   /// Reloads the configuration and applies what can change while running; one line for each change.
   /// Throws InputError for an invalid configuration.
   std::function<std::vector<std::string>()> reload;
@@ -79,6 +82,7 @@ class ControlServer {
   void left(ClientId client, const std::string& why);
   void handle(ClientId client, const protocol::ControlRequest& request);
   bool answer_query(ClientId client, const protocol::ControlRequest& request);
+  void take_note(ClientId client, const protocol::ControlRequest& request);
   Command command_of(const protocol::ControlRequest& request);
   void submit(ClientId client, const protocol::ControlRequest& request, Command command);
   void handle_answers();

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "daemon/event.h"
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <utility>
+
+#include "physics/problem.h"
 
 namespace stickslip::daemon {
 namespace {
@@ -110,6 +113,23 @@ Event event_of(const Notice& notice) {
   const bool of_channel = notice.kind == not_finite || notice.kind == beyond_calibration;
   return {description.severity, description.code, description.message(notice),
           notice.time_ns,       notice.sequence,  of_channel ? channel_of(notice) : ""};
+}
+
+Event note_event(const std::string& text, std::int64_t time_ns, std::uint64_t sequence) {
+  constexpr std::size_t longest = 500;
+  const auto refuse = [](const std::string& why) {
+    throw InputError(Problem{"", 0, 0, "a note " + why});
+  };
+  if (text.find_first_not_of(' ') == std::string::npos) refuse("must not be empty");
+  if (text.size() > longest) {
+    refuse("has at most " + std::to_string(longest) + " bytes, this one " +
+           std::to_string(text.size()));
+  }
+  if (std::any_of(text.begin(), text.end(),
+                  [](unsigned char c) { return c < 0x20 || c == 0x7f; })) {
+    refuse("is one line without control characters");
+  }
+  return {info, "note", text, time_ns, sequence, ""};
 }
 
 Event event_of(const Notice& sum, std::uint64_t notices) {

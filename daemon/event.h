@@ -22,6 +22,10 @@ struct Event {
 
 Event event_of(const Notice& notice);
 
+/// An operator's note about the rig after a frame. Throws InputError for an empty text, one of more
+/// than 500 bytes, and control characters.
+Event note_event(const std::string& text, std::int64_t time_ns, std::uint64_t sequence);
+
 /// Summary of several notices of one kind: `sum` is the latest, with the sum of their counts and
 /// their longest duration.
 Event event_of(const Notice& sum, std::uint64_t notices);

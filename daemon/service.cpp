@@ -203,6 +203,7 @@ class Service {
   std::vector<std::string> reload(Loop& loop, const drivers::Description& device);
   std::string take_model(const Answer& answer);
   std::string take_drive(const Answer& answer);
+  Event take_note(const Snapshot& now, const std::string& text, const std::string& rig);
   void change_setting(Loop& loop, const Setting& setting, std::string& line);
   void ask(Loop& loop, const Command& command);
   std::int64_t utc_us() { return utc_.utc_us(clock_.now_ns(), wall_us()); }
@@ -375,6 +376,9 @@ std::unique_ptr<ControlServer> Service::open_control(Loop& loop,
                 rig_.excitation = with_setting(rig_.excitation, setting);
               },
           .describe = [this] { return description_of(rig_); },
+          .note = [this, &loop](
+                      const std::string& text,
+                      const std::string& rig) { return take_note(loop.snapshot(), text, rig); },
           .reload = [this, &loop, &device] { return reload(loop, device); },
           .propose_model =
               [this](ModelFile file) { return model_change_->propose(rig_, std::move(file)); },
@@ -476,6 +480,16 @@ std::string Service::take_drive(const Answer& answer) {
   const Event event = changed_event(drive_change_.samples(), answer);
   publish_and_log(event);
   return event.message;
+}
+
+Event Service::take_note(const Snapshot& now, const std::string& text, const std::string& rig) {
+  if (!rig.empty() && rig != rig_.name) {
+    throw InputError(Problem{"", 0, 0, "the note is about " + rig + ", and this is " + rig_.name});
+  }
+  Event note = note_event(text, now.frame.time_ns, now.frame.sequence);
+  publish_event(note);
+  spdlog::info("note: {}", note.message);
+  return note;
 }
 
 /// Adds the reason of a refusal to the line about the change.

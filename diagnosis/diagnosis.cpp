@@ -181,6 +181,12 @@ Location location_of(const Search& search, const std::vector<Finding>& findings,
   return location;
 }
 
+bool has_friction(const std::vector<Finding>& findings) {
+  return std::any_of(findings.begin(), findings.end(), [](const Finding& each) {
+    return each.candidate().relation() == physics::Relation::friction_law;
+  });
+}
+
 Evidence evidence_for(const Search& search) {
   const SearchData& data = search.data();
   Task whole = windows_for(data, {Use::fit, Use::select, Use::report});
@@ -194,6 +200,13 @@ Evidence evidence_for(const Search& search) {
   const Fit after = fit_states(whole, *result.hypothesis, result.fitted.z, options);
   return evidence_of(whole, {&*declared.hypothesis, before.z, &before.state},
                      {&*result.hypothesis, after.z, &after.state});
+}
+
+void set_evidence(const Search& search, Diagnosis& out) {
+  out.evidence = evidence_for(search);
+  if (!has_friction(out.findings)) return;
+  out.friction =
+      friction_picture(search.declared(), search.result(), search.data().experiments.front());
 }
 
 std::vector<Calibration> calibration_of(const FittedCandidate& result, Model declared) {
@@ -352,7 +365,7 @@ Diagnosis diagnose(const std::vector<protocol::Recording>& recordings, const Mod
   }
   report("computing detection limits", 0.95);
   out.detection = search.detection();
-  if (options.evidence) out.evidence = evidence_for(search);
+  if (options.evidence) set_evidence(search, out);
   if (options.posterior_axes > 0) {
     out.open_hypotheses = open_hypotheses_of(search, options.posterior_axes, options.seed);
   }

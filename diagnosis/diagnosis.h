@@ -19,6 +19,7 @@
 #include "diagnosis/detection.h"
 #include "diagnosis/evidence.h"
 #include "diagnosis/findings.h"
+#include "diagnosis/friction_picture.h"
 #include "diagnosis/integrity.h"
 #include "diagnosis/location.h"
 #include "diagnosis/open_hypotheses.h"
@@ -113,6 +114,7 @@ struct Diagnosis {
   std::vector<Integrity> integrity;         ///< by recording
   Detection detection;                      ///< detection limits beside the findings
   std::optional<Evidence> evidence;         ///< where Options::evidence is set
+  std::optional<FrictionPicture> friction;  ///< likewise, if a finding is of friction
   std::optional<FalseAlarms> false_alarms;  ///< where a bootstrap was run
   WindowCount windows;
   std::optional<CampaignResult> campaign;

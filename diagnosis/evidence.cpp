@@ -6,6 +6,7 @@
 #include <complex>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "diagnosis/drive_phase.h"
@@ -102,32 +103,19 @@ void set_drive(WindowEvidence& out, const Experiment& e, const Window& window,
   out.drive_hz = std::abs(turned) / (2.0 * pi * steps * e.period_s);
 }
 
-Stretch stretch_of(const std::vector<WindowEvidence>& windows) {
-  Stretch out;
-  std::vector<double> reported;
-  for (const WindowEvidence& each : windows) {
-    if (each.reported) reported.push_back(each.before);
-  }
-  if (reported.empty()) return out;
-  out.typical = median(std::move(reported));
+// All runs of `count` neighbouring held-out windows.
+std::vector<Stretch> stretches_of(const std::vector<WindowEvidence>& windows, std::size_t count) {
   const auto follows = [&](std::size_t i) {
     const double gap = windows[i].begin_s - windows[i - 1].end_s;
     return windows[i].reported && gap < 0.5 * (windows[i].end_s - windows[i].begin_s);
   };
-  double most = -1.0;
-  for (std::size_t i = 0; i < windows.size(); ++i) {
+  std::vector<Stretch> out;
+  for (std::size_t i = 0; i + count <= windows.size(); ++i) {
     if (!windows[i].reported) continue;
-    std::size_t count = 1;
+    std::size_t run = 1;
     double sum = windows[i].before;
-    while (count < shown_windows && i + count < windows.size() && follows(i + count)) {
-      sum += windows[i + count++].before;
-    }
-    // A longer run first, the larger misfit of as long ones second.
-    if (count < out.count || (count == out.count && sum <= most)) continue;
-    most = sum;
-    out.first = i;
-    out.count = count;
-    out.before = sum / static_cast<double>(count);
+    while (run < count && follows(i + run)) sum += windows[i + run++].before;
+    if (run == count) out.push_back({i, count, sum / static_cast<double>(count)});
   }
   return out;
 }
@@ -216,8 +204,9 @@ class Collector {
     return out;
   }
 
-  void set_stretch(const Stretch& stretch, ChannelEvidence& out) const {
-    const std::size_t c = index_of(out.channel);
+  Traces traces(const Stretch& stretch, Channel channel) const {
+    Traces out;
+    const std::size_t c = index_of(channel);
     for (std::size_t i = stretch.first; i < stretch.first + stretch.count; ++i) {
       const std::size_t w = order_[i];
       const Window& window = task_.window(w);
@@ -229,6 +218,7 @@ class Collector {
         out.after.push_back(after_[w][k - window.begin][c]);
       }
     }
+    return out;
   }
 
  private:
@@ -271,6 +261,40 @@ class Collector {
 
 }  // namespace
 
+// The stretch with the worst window is the worst, however few its neighbours are.
+void choose_stretches(Evidence& out) {
+  std::vector<Stretch> single = stretches_of(out.windows, 1);
+  if (single.empty()) return;
+  const auto less = [](const Stretch& a, const Stretch& b) { return a.before < b.before; };
+  const Stretch worst = *std::max_element(single.begin(), single.end(), less);
+  const auto middle = single.begin() + static_cast<std::ptrdiff_t>(single.size() / 2);
+  std::nth_element(single.begin(), middle, single.end(), less);
+  const Stretch typical = *middle;
+  std::vector<double> each;
+  for (const Stretch& window : single) each.push_back(window.before);
+  out.median = median(std::move(each));
+  const auto around = [&](const Stretch& window) {
+    Stretch best = window;
+    for (std::size_t count = 2; count <= shown_windows; ++count) {
+      std::optional<Stretch> longer;
+      for (const Stretch& run : stretches_of(out.windows, count)) {
+        const bool has_it = run.first <= window.first && window.first < run.first + count;
+        if (has_it && (!longer || less(*longer, run))) longer = run;
+      }
+      if (longer) best = *longer;
+    }
+    return best;
+  };
+  out.worst = around(worst);
+  const auto overlaps = [&](const Stretch& one) {
+    return one.first < out.worst.first + out.worst.count && out.worst.first < one.first + one.count;
+  };
+  out.typical = around(typical);
+  if (!overlaps(out.typical)) return;
+  out.worst = worst;
+  out.typical = typical.first == worst.first ? Stretch{} : typical;
+}
+
 Evidence evidence_of(const Task& task, const FittedHypothesis& before,
                      const FittedHypothesis& after) {
   Evidence out;
@@ -283,8 +307,11 @@ Evidence evidence_of(const Task& task, const FittedHypothesis& before,
   }
   out.map = collector.map();
   out.windows = collector.windows();
-  out.stretch = stretch_of(out.windows);
-  for (ChannelEvidence& channel : out.channels) collector.set_stretch(out.stretch, channel);
+  choose_stretches(out);
+  for (ChannelEvidence& channel : out.channels) {
+    channel.worst = collector.traces(out.worst, channel.channel);
+    channel.typical = collector.traces(out.typical, channel.channel);
+  }
   return out;
 }
 

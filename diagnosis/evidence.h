@@ -12,6 +12,11 @@
 
 namespace stickslip::diagnosis {
 
+/// The recording and both predictions over a stretch; predictions restart with every window.
+struct Traces {
+  std::vector<double> time_s, recorded, before, after;
+};
+
 /// before: the calibrated declared model; after: with all findings, the same where there are none.
 struct ChannelEvidence {
   Channel channel = Channel::displacement;
@@ -24,8 +29,8 @@ struct ChannelEvidence {
   /// Root mean square of the whitened residual by the phase of the drive; NaN at phases without
   /// data.
   std::vector<double> phase_deg, phase_before, phase_after;
-  /// The recording and both predictions over Stretch; predictions restart with every window.
-  std::vector<double> time_s, recorded, before, after;
+  /// Over the worst stretch and over the typical one.
+  Traces worst, typical;
 };
 
 /// Root mean square of the whitened residuals of all channels by cell of phase space; NaN in cells
@@ -48,23 +53,26 @@ struct WindowEvidence {
   double after = 0.0;
 };
 
-/// The part of the recording that is shown: the run of neighbouring held-out windows with the
-/// largest residuals of the declared model.
+/// A part of the recording that is shown: up to three neighbouring held-out windows.
 struct Stretch {
   std::size_t first = 0;  ///< index into Evidence::windows
   std::size_t count = 0;
-  double before = 0.0;   ///< mean square of the whitened residuals of the declared model
-  double typical = 0.0;  ///< median of the same over all held-out windows
+  double before = 0.0;  ///< mean square of the whitened residuals of the declared model
 };
 
 struct Evidence {
   std::vector<ChannelEvidence> channels;
   PhaseMap map;
   std::vector<WindowEvidence> windows;  ///< in order of time
-  Stretch stretch;
+  Stretch worst;        ///< with the window of the largest residuals of the declared model
+  Stretch typical;      ///< with one of median residuals, none shown twice; may be empty
+  double median = 0.0;  ///< mean square of the residuals of the median held-out window
   Channel driven_by = Channel::base_displacement;  ///< channel of the drive amplitudes
   bool drive_noise_removed = false;                ///< the error of the drive was removed
 };
+
+/// The stretches to show and the median, from the windows.
+void choose_stretches(Evidence& evidence);
 
 /// Of the first experiment of the task. Both hypotheses come with the states of its windows.
 Evidence evidence_of(const Task& task, const FittedHypothesis& before,

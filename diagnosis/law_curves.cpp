@@ -6,6 +6,8 @@
 #include <functional>
 #include <numbers>
 
+#include "physics/catalogue.h"
+#include "physics/effect.h"
 #include "physics/friction_laws.h"
 #include "physics/rig.h"
 
@@ -100,6 +102,34 @@ void add_break_away(const Model& contact, const Model& fitted, const Experiment&
 }
 
 }  // namespace
+
+FrictionCycle friction_cycle(const Model& model, const Experiment& experiment) {
+  FrictionCycle out;
+  Model contact = contact_of(model, experiment);
+  for (const physics::Term& term : model.terms) {
+    const physics::Effect* const effect = physics::effect_of(term);
+    const bool of_friction =
+        effect != nullptr && effect->card().relation == physics::Relation::friction_law;
+    if (of_friction && !term.law) contact.terms.push_back(term);
+  }
+  const double amplitude = experiment.largest.displacement_m;
+  const double speed = experiment.largest.velocity_m_s;
+  if (!(amplitude > 0.0) || !(speed > 0.0)) return out;
+  const double w = speed / amplitude;
+  cycle(contact,
+        {[=](double t) { return amplitude * std::sin(w * t); },
+         [=](double t) { return speed * std::cos(w * t); }},
+        2.0 * std::numbers::pi / w, [&](const Input& now, double force) {
+          out.displacement_m.push_back(now.displacement_m);
+          out.velocity_m_s.push_back(now.velocity_m_s);
+          out.force_n.push_back(force);
+        });
+  // A closed loop.
+  for (std::vector<double>* list : {&out.displacement_m, &out.velocity_m_s, &out.force_n}) {
+    list->push_back(list->front());
+  }
+  return out;
+}
 
 LawCurves law_curves(const Model& fitted, const Experiment& experiment) {
   LawCurves out;

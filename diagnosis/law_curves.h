@@ -24,6 +24,14 @@ struct RecordedFriction {
   std::vector<double> displacement_m, velocity_m_s, force_n;
 };
 
+/// One cycle of a sinusoidal motion of the largest recorded deflection and speed.
+struct FrictionCycle {
+  std::vector<double> displacement_m, velocity_m_s, force_n;
+};
+
+/// Of the contact alone, with every term of the model that changes its friction.
+FrictionCycle friction_cycle(const physics::Model& model, const Experiment& experiment);
+
 LawCurves law_curves(const physics::Model& fitted, const Experiment& experiment);
 
 /// Empty where the friction force was not recorded.

@@ -26,6 +26,9 @@ namespace stickslip::protocol {
 namespace {
 
 constexpr int time_column = -1;
+constexpr int derived_column = -2;
+/// Of columns that were computed from the others, such as those of the live view's export.
+constexpr std::string_view derived_prefix = "derived_";
 
 std::string columns_known() {
   std::string list = "time_s";
@@ -175,8 +178,13 @@ class CsvParser {
 
   void read_header(std::string_view line) {
     bool time = false;
+    bool has_channel = false;
     for (const std::string_view cell : cells_of(line)) {
       int column = time_column;
+      if (cell.starts_with(derived_prefix)) {
+        columns_.push_back(derived_column);
+        continue;
+      }
       if (cell != "time_s") {
         const auto channel = channel_named(cell);
         if (!channel || info(*channel).column != cell) {
@@ -188,11 +196,11 @@ class CsvParser {
         refuse("column \"" + std::string(cell) + "\" occurs twice");
       }
       time = time || column == time_column;
+      has_channel = has_channel || column != time_column;
       columns_.push_back(column);
     }
     if (!time) refuse("has no column time_s; its header is \"" + shown(line) + "\"");
-    if (columns_.size() < 2)
-      refuse("has no channel besides time_s; expected one of " + columns_known());
+    if (!has_channel) refuse("has no channel besides time_s; expected one of " + columns_known());
   }
 
   std::vector<std::string_view> cells_of(std::string_view line) const {
@@ -243,7 +251,7 @@ class CsvParser {
       frame.time_ns = *time;
       return;
     }
-    if (cell.empty()) return;  // not measured
+    if (cell.empty() || column == derived_column) return;  // not measured
     const Channel channel = all_channels[static_cast<std::size_t>(column)];
     double value = 0.0;
     const bool plus = cell.front() == '+' && cell.substr(1, 1) != "-";

@@ -38,11 +38,18 @@ std::string with_unit(const std::string& name, std::string_view unit) {
   return unit == "1" || unit.empty() ? name : name + " [" + std::string(unit) + "]";
 }
 
+// A stretch of the recording to draw.
+struct Shown {
+  const Stretch& stretch;
+  const Traces& traces;
+  const char* name;
+};
+
 // Starts of the shown windows but the first: every window has its own initial state.
-std::vector<Mark> restarts_of(const Evidence& evidence) {
+std::vector<Mark> restarts_of(const Evidence& evidence, const Stretch& stretch) {
   std::vector<Mark> out;
-  for (std::size_t i = 1; i < evidence.stretch.count; ++i) {
-    out.push_back({evidence.windows[evidence.stretch.first + i].begin_s, ""});
+  for (std::size_t i = 1; i < stretch.count; ++i) {
+    out.push_back({evidence.windows[stretch.first + i].begin_s, ""});
   }
   return out;
 }
@@ -64,23 +71,24 @@ std::vector<const ChannelEvidence*> worst_first(const Evidence& evidence) {
   return out;
 }
 
-std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& channel, bool changed,
-                           const ResultUnits& units) {
+std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& channel,
+                           const Shown& shown, bool changed, const ResultUnits& units) {
   const std::string name = channel_name(channel.channel);
+  const Traces& traces = shown.traces;
   const AxisUnit unit =
-      axis_unit(largest_of(channel.recorded), units.of(info(channel.channel).unit));
+      axis_unit(largest_of(traces.recorded), units.of(info(channel.channel).unit));
   LinePlot plot;
-  plot.title = "Recorded and simulated: " + name;
+  plot.title = "Recorded and simulated, " + std::string(shown.name) + ": " + name;
   plot.description = "The recorded " + name +
                      " over time, with the simulation of the declared model" +
                      (changed ? " and of the augmented model." : ".");
   plot.x_label = units.axis("time", "s");
   plot.y_label = with_unit(name, unit.unit);
-  plot.marks = restarts_of(evidence);
-  plot.series.push_back({"recorded", channel.time_s, scaled(channel.recorded, unit.factor), 0});
-  plot.series.push_back({"declared", channel.time_s, scaled(channel.before, unit.factor), 1});
+  plot.marks = restarts_of(evidence, shown.stretch);
+  plot.series.push_back({"recorded", traces.time_s, scaled(traces.recorded, unit.factor), 0});
+  plot.series.push_back({"declared", traces.time_s, scaled(traces.before, unit.factor), 1});
   if (changed) {
-    plot.series.push_back({"augmented", channel.time_s, scaled(channel.after, unit.factor), 2});
+    plot.series.push_back({"augmented", traces.time_s, scaled(traces.after, unit.factor), 2});
   }
   return figure(
       line_plot_svg(plot),
@@ -90,39 +98,40 @@ std::string overlay_figure(const Evidence& evidence, const ChannelEvidence& chan
                 "recording).");
 }
 
+// In units of the noise, on a scale on which both the noise and the largest difference are seen.
 std::string difference_figure(const Evidence& evidence, const ChannelEvidence& channel,
-                              bool changed, const ResultUnits& units) {
-  const std::string name = channel_name(channel.channel);
+                              const Shown& shown, bool changed, const ResultUnits& units) {
+  constexpr double band = 2.0;           // standard deviations of the noise
+  constexpr double linear_up_to = 12.0;  // beyond, the band would be a line
+  const Traces& traces = shown.traces;
+  const double sigma = std::max(channel.sigma, 1.0e-300);
   std::vector<double> before;
   std::vector<double> after;
-  for (std::size_t i = 0; i < channel.time_s.size(); ++i) {
-    before.push_back(channel.recorded[i] - channel.before[i]);
-    after.push_back(channel.recorded[i] - channel.after[i]);
+  for (std::size_t i = 0; i < traces.time_s.size(); ++i) {
+    before.push_back((traces.recorded[i] - traces.before[i]) / sigma);
+    after.push_back((traces.recorded[i] - traces.after[i]) / sigma);
   }
-  const double noise = 2.0 * channel.sigma;
-  const AxisUnit unit = axis_unit(std::max({largest_of(before), largest_of(after), noise}),
-                                  units.of(info(channel.channel).unit));
   LinePlot plot;
-  plot.title = "Recorded minus simulated: " + name;
+  plot.title =
+      "Recorded minus simulated, " + std::string(shown.name) + ": " + channel_name(channel.channel);
   plot.description =
-      "Recording minus simulation over the same time, with a band of two standard deviations of "
-      "the noise around zero.";
+      "Recording minus simulation over the same time in standard deviations of the noise, with a "
+      "band of two of them around zero.";
   plot.x_label = units.axis("time", "s");
-  plot.y_label = with_unit("difference", unit.unit);
-  plot.marks = restarts_of(evidence);
-  if (!channel.time_s.empty() && noise > 0.0) {
-    const std::vector<double> ends = {channel.time_s.front(), channel.time_s.back()};
-    plot.bands.push_back({"noise",
-                          ends,
-                          {-noise * unit.factor, -noise * unit.factor},
-                          {noise * unit.factor, noise * unit.factor},
-                          0});
+  plot.y_label = "difference / noise";
+  plot.asinh_y = std::max(largest_of(before), largest_of(after)) > linear_up_to;
+  plot.marks = restarts_of(evidence, shown.stretch);
+  if (!traces.time_s.empty()) {
+    const std::vector<double> ends = {traces.time_s.front(), traces.time_s.back()};
+    plot.bands.push_back({"noise", ends, {-band, -band}, {band, band}, 0});
   }
-  plot.series.push_back({"declared", channel.time_s, scaled(before, unit.factor), 1});
-  if (changed) plot.series.push_back({"augmented", channel.time_s, scaled(after, unit.factor), 2});
+  plot.series.push_back({"declared", traces.time_s, before, 1});
+  if (changed) plot.series.push_back({"augmented", traces.time_s, after, 2});
   return figure(line_plot_svg(plot),
-                "Residual on an enlarged scale. Within the grey band (two standard deviations of "
-                "the noise) the recording is explained.");
+                std::string("Residual in units of the noise") +
+                    (plot.asinh_y ? ", logarithmic beyond the band" : "") +
+                    ". Within the grey band (two standard deviations) the recording is "
+                    "explained.");
 }
 
 // End of the colour scale shared by both maps of a pair.
@@ -221,17 +230,42 @@ std::string phase_maps(const PhaseMap& map, bool changed, const ResultUnits& uni
   return out;
 }
 
+// A map of a motion that was not recorded would have axes of nothing.
+bool has_motion(const PhaseMap& map) {
+  constexpr double least = 1.0e-9;  // m, and m/s
+  return map.displacement_m > least && map.velocity_m_s > least;
+}
+
 double median_drive_hz(const Evidence& evidence) {
   std::vector<double> hz;
   for (const WindowEvidence& each : evidence.windows) hz.push_back(each.drive_hz);
   return hz.empty() ? 0.0 : median(std::move(hz));
 }
 
+// A drive with a frequency: from window to window it changes little. A move from point to point has
+// none.
+bool is_periodic(const Evidence& evidence) {
+  constexpr double steady = 0.35;
+  const double middle = median_drive_hz(evidence);
+  if (!(middle > 0.0) || evidence.windows.size() < 2) return middle > 0.0;
+  double change = 0.0;
+  double turns = 0.0;
+  double amplitude = 0.0;
+  for (std::size_t i = 0; i < evidence.windows.size(); ++i) {
+    const WindowEvidence& each = evidence.windows[i];
+    turns += each.drive_hz * (each.end_s - each.begin_s);
+    amplitude = std::max(amplitude, each.drive_amplitude);
+    if (i > 0) change += std::abs(each.drive_hz - evidence.windows[i - 1].drive_hz);
+  }
+  change /= static_cast<double>(evidence.windows.size() - 1);
+  return amplitude > 0.0 && turns >= 1.5 && change <= steady * middle;
+}
+
 // Frequencies to mark in spectra.
 std::vector<Mark> known_frequencies(const Diagnosis& d) {
   std::vector<Mark> out;
   const double drive_hz = median_drive_hz(*d.evidence);
-  if (drive_hz > 0.0) out.push_back({drive_hz, "drive"});
+  if (is_periodic(*d.evidence)) out.push_back({drive_hz, "drive"});
   const auto& own = d.baseline_model.oscillator.natural_frequency_hz;
   if (own && own->value > 0.0) out.push_back({own->value, "oscillator"});
   if (d.baseline_model.load_cell && d.baseline_model.load_cell->natural_frequency_hz.value > 0.0) {
@@ -310,7 +344,6 @@ std::string condition_map(const Evidence& evidence, bool after, double most,
 }
 
 std::string condition_maps(const Evidence& evidence, bool changed, const ResultUnits& units) {
-  if (evidence.windows.empty()) return "";
   double most = 9.0;
   for (const WindowEvidence& each : evidence.windows) {
     if (std::isfinite(each.before)) most = std::max({most, each.before, each.after});
@@ -352,14 +385,22 @@ std::string shape_caption(const Curve& curve) {
 }  // namespace
 
 std::string stretch_figures(const Diagnosis& d) {
-  if (!d.evidence || d.evidence->stretch.count == 0) return "";
+  if (!d.evidence || d.evidence->worst.count == 0) return "";
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
   const ResultUnits units(d.model);
   std::string out = "<div class=\"plots\">\n";
   for (const ChannelEvidence* channel : worst_first(evidence)) {
-    out += overlay_figure(evidence, *channel, changed, units);
-    out += difference_figure(evidence, *channel, changed, units);
+    std::vector<Shown> both = {{evidence.worst, channel->worst, "worst"}};
+    if (evidence.typical.count > 0) {
+      both.push_back({evidence.typical, channel->typical, "typical"});
+    }
+    for (const Shown& shown : both) {
+      out += overlay_figure(evidence, *channel, shown, changed, units);
+    }
+    for (const Shown& shown : both) {
+      out += difference_figure(evidence, *channel, shown, changed, units);
+    }
   }
   return out + "</div>\n";
 }
@@ -369,16 +410,22 @@ std::string residual_figures(const Diagnosis& d) {
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
   const ResultUnits units(d.model);
-  std::string out = "<h3>By channel and time</h3>\n<div class=\"plots\">\n" +
-                    time_maps(evidence, changed, units) +
-                    "</div>\n<h3>In phase space</h3>\n<div class=\"plots\">\n" +
-                    phase_maps(evidence.map, changed, units) +
-                    "</div>\n<h3>By operating condition</h3>\n<div class=\"plots\">\n" +
-                    condition_maps(evidence, changed, units) + "</div>\n";
-  out += "<h3>By frequency and by phase of the excitation</h3>\n<div class=\"plots\">\n";
+  const bool periodic = is_periodic(evidence);
+  const auto part = [](const char* title, const std::string& figures) {
+    return "<h3>" + std::string(title) + "</h3>\n<div class=\"plots\">\n" + figures + "</div>\n";
+  };
+  std::string out = part("By channel and time", time_maps(evidence, changed, units));
+  if (has_motion(evidence.map)) {
+    out += part("In phase space", phase_maps(evidence.map, changed, units));
+  }
+  if (periodic) out += part("By operating condition", condition_maps(evidence, changed, units));
+  out += periodic ? "<h3>By frequency and by phase of the excitation</h3>\n"
+                  : "<h3>By frequency</h3>\n";
+  out += "<div class=\"plots\">\n";
   for (const ChannelEvidence* channel : worst_first(evidence)) {
     out += figure(spectrum_figure(d, *channel, changed),
                   "A peak marks the frequency of unmodelled motion; noise alone is flat at 1.");
+    if (!periodic) continue;
     out += figure(drive_phase_figure(*channel, changed),
                   "A maximum marks the part of the cycle in which the model fails; noise alone is "
                   "flat at 1.");
@@ -412,6 +459,46 @@ std::string shape_figures(const Finding& finding) {
     out += figure(curve_svg(curve, "fitted"), shape_caption(curve));
   }
   return out.empty() ? out : "<div class=\"plots\">\n" + out + "</div>\n";
+}
+
+std::string friction_figures(const Diagnosis& d) {
+  if (!d.friction || d.friction->mended.force_n.empty()) return "";
+  const FrictionPicture& friction = *d.friction;
+  const ResultUnits units(d.model);
+  const AxisUnit force = axis_unit(
+      std::max({largest_of(friction.recorded.force_n), largest_of(friction.declared.force_n),
+                largest_of(friction.mended.force_n)}),
+      units.of("N"));
+  const auto over = [&](const char* name, const char* unit_name, const auto& variable) {
+    const AxisUnit x = axis_unit(largest_of(variable(friction.mended)), units.of(unit_name));
+    LinePlot plot;
+    plot.title = std::string("Friction over ") + name;
+    plot.description = std::string("The friction force over the ") + name +
+                       ": recorded, of the declared law, and of the mended one with its 95 % band.";
+    plot.x_label = with_unit(name, x.unit);
+    plot.y_label = with_unit("friction force", force.unit);
+    const auto at = scaled(variable(friction.mended), x.factor);
+    if (!friction.low_n.empty()) {
+      plot.bands.push_back({"95 %", at, scaled(friction.low_n, force.factor),
+                            scaled(friction.high_n, force.factor), 2});
+    }
+    if (!friction.recorded.force_n.empty()) {
+      plot.series.push_back({"recorded", scaled(variable(friction.recorded), x.factor),
+                             scaled(friction.recorded.force_n, force.factor), 0, true});
+    }
+    plot.series.push_back({"declared", scaled(variable(friction.declared), x.factor),
+                           scaled(friction.declared.force_n, force.factor), 1});
+    plot.series.push_back({"mended", at, scaled(friction.mended.force_n, force.factor), 2});
+    return figure(
+        line_plot_svg(plot),
+        std::string("Dots: the recording. Dashed: the declared law; thin: the mended one, "
+                    "its 95\u00a0% band shaded (where invisible, narrower than the line). "
+                    "Both under the mean load, in one cycle of the recorded size."));
+  };
+  return "<h3>The law of friction</h3>\n<div class=\"plots\">\n" +
+         over("velocity", "m/s", [](const auto& each) { return each.velocity_m_s; }) +
+         over("displacement", "m", [](const auto& each) { return each.displacement_m; }) +
+         "</div>\n";
 }
 
 std::string calibration_figure(const Diagnosis& d) {

@@ -22,6 +22,9 @@ std::string curve_svg(const diagnosis::Curve& curve, const std::string& name);
 /// The fitted law with its interval.
 std::string shape_figures(const diagnosis::Finding& finding);
 
+/// Friction over velocity and displacement. Empty without a finding of friction.
+std::string friction_figures(const diagnosis::Diagnosis& diagnosis);
+
 /// Shifts of the calibrated parameters from their declared values.
 std::string calibration_figure(const diagnosis::Diagnosis& diagnosis);
 

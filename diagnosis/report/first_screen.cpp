@@ -80,19 +80,29 @@ std::string windows_text(const Diagnosis& d) {
 }
 
 std::string probability_of(const Diagnosis& d, const Finding& finding) {
-  std::string out =
-      "<p>" + escape_html("Likely missing: " + effect_name(finding.candidate()) + " (");
-  out += "<b>" + escape_html(format_percent(finding.probability)) + "</b>).";
-  if (!finding.alternatives.empty()) {
-    const Alternative& next = finding.alternatives.front();
+  const auto explanation = [](const CandidateEffect& effect, double probability) {
+    return escape_html(effect_name(effect)) + " (<b>" + escape_html(format_percent(probability)) +
+           "</b>)";
+  };
+  const std::size_t named = has_rival(finding) ? 1 : 0;
+  std::string out = "<p>Likely missing: " + explanation(finding.candidate(), finding.probability);
+  if (named == 1) {
+    const Alternative& rival = finding.alternatives.front();
+    out += " or " + explanation(rival.candidate, rival.probability);
+  }
+  out += ".";
+  if (finding.alternatives.size() > named) {
+    const Alternative& next = finding.alternatives[named];
     out += escape_html(" Also possible: " + effect_name(next.candidate) + " (" +
                        format_percent(next.probability) + ").");
   }
   const Trial* trial = trial_of(d, finding);
   if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
-    out += escape_html(" It improves the prediction by " + format_number(trial->gain_z, 2) +
-                       " standard errors over the " + std::to_string(d.windows.select) +
-                       " windows that select.");
+    const std::string errors = format_number(trial->gain_z, 2) + " standard errors over the " +
+                               std::to_string(d.windows.select) + " windows that select";
+    out += escape_html(trial->gain_z < significant_gain_z
+                           ? " Its gain alone, " + errors + ", is not significant."
+                           : " It improves the prediction by " + errors + ".");
   }
   if (!finding.preferred_over.empty()) {
     out += escape_html(" It is the simpler or the listed one: " +
@@ -144,9 +154,11 @@ std::string prediction_error(const Diagnosis& d) {
 std::string fit_answer(const Diagnosis& d) {
   std::string out = "<b>" + format_number(d.baseline.chi2_per_sample);
   if (d.augmented) out += " \u2192 " + format_number(d.augmented->chi2_per_sample);
-  out += "</b> " + escape_html(d.augmented ? "chi-squared per sample, declared \u2192 augmented "
-                                             "model (1: noise only)."
-                                           : "chi-squared per sample (1: noise only).");
+  out += "</b> " +
+         escape_html(d.augmented ? "chi-squared per sample, declared \u2192 augmented "
+                                   "model (1: noise only)."
+                                 : "chi-squared per sample (1: noise only).") +
+         escape_html(fit_remark(d));
   return out + prediction_error(d);
 }
 
@@ -192,10 +204,16 @@ std::string next_answer(const Diagnosis& d) {
       return escape_html(
           "Test the augmented model on another recording: diagnose with --write-model, then "
           "stickslip evaluate.");
+    case Answer::partial:
+      return escape_html(
+          "Diagnose with the augmented model (--write-model) as the declared one, on this and on a "
+          "longer recording: what is left shows in the residuals below.");
     case Answer::consistent:
       break;
   }
-  return "";
+  return escape_html(
+      "None is needed for this recording. A longer one, or one with larger amplitudes and other "
+      "frequencies, would show smaller effects.");
 }
 
 const char* verdict_text(Answer kind) {
@@ -204,6 +222,8 @@ const char* verdict_text(Answer kind) {
       return "Verdict: consistent";
     case Answer::named:
       return "Verdict: missing physics, identified";
+    case Answer::partial:
+      return "Verdict: missing physics, not all of it identified";
     case Answer::ambiguous:
       return "Verdict: missing physics, two explanations remain";
     case Answer::unexplained:
@@ -218,6 +238,7 @@ const char* style_of(Answer kind) {
       return "consistent";
     case Answer::named:
       return "named";
+    case Answer::partial:
     case Answer::ambiguous:
       return "ambiguous";
     case Answer::unexplained:
@@ -251,13 +272,12 @@ std::string first_screen(const Diagnosis& d, const Provenance& provenance) {
                     "</p>\n<h1>" + escape_html(headline_of(d)) + "</h1>\n</div>\n" +
                     subject_of(d, provenance) + "<dl class=\"answers\">\n";
   out += answer("Missing physics", findings_answer(d));
+  out += answer("Next step", next_answer(d));
   out += answer("Location of the mismatch", where_answer(d));
   out += answer("Confidence", confidence_answer(d));
   out += answer("Held-out fit", fit_answer(d));
   const std::string limits = kind == Answer::consistent ? limits_answer(d) : "";
   if (!limits.empty()) out += answer("Detection limits (95 %)", limits);
-  const std::string next = next_answer(d);
-  if (!next.empty()) out += answer("Next step", next);
   return out + "</dl>\n</header>\n";
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "diagnosis/held_out.h"
 #include "diagnosis/report/formatting.h"
 #include "physics/friction_laws.h"
 #include "physics/number_text.h"
@@ -17,10 +18,29 @@ using physics::ResultUnits;
 namespace {
 
 constexpr double confident = 0.95;
+/// Of the chi-squared per sample, below which the noise was taken for more than it is.
+constexpr double far_below_1 = 0.7;
+/// Of the probability of the finding, from which on another explanation is as good as it.
+constexpr double rival_share = 0.5;
 
 bool is_ambiguous(const Finding& finding) {
   return finding.probability < confident && !finding.alternatives.empty();
 }
+
+// The augmented model leaves more than noise.
+bool is_partial(const Diagnosis& d) {
+  return d.augmented &&
+         d.augmented->chi2_per_sample > explained_chi2(d.noise_estimated.empty(), Criteria{});
+}
+
+}  // namespace
+
+bool has_rival(const Finding& finding) {
+  return is_ambiguous(finding) &&
+         finding.alternatives.front().probability >= rival_share * finding.probability;
+}
+
+namespace {
 
 const char* count_word(std::size_t count) {
   constexpr std::array<const char*, 4> words = {"no", "one", "two", "three"};
@@ -41,7 +61,8 @@ std::string number_of_effects(const Diagnosis& d) {
 std::string findings_text(const Diagnosis& d) {
   std::vector<std::string> names;
   for (const Finding& finding : d.findings) {
-    names.push_back(effect_name(finding.candidate()));
+    names.push_back(has_rival(finding) ? explanations_text(finding)
+                                       : effect_name(finding.candidate()));
   }
   return enumeration(names);
 }
@@ -104,8 +125,25 @@ std::string load_text(const physics::NormalLoad& load, const ResultUnits& units)
 Answer answer_of(const Diagnosis& d) {
   if (d.verdict == Verdict::consistent) return Answer::consistent;
   if (d.verdict == Verdict::unexplained) return Answer::unexplained;
+  if (is_partial(d)) return Answer::partial;
   return std::any_of(d.findings.begin(), d.findings.end(), is_ambiguous) ? Answer::ambiguous
                                                                          : Answer::named;
+}
+
+std::string explanations_text(const Finding& finding) {
+  std::string out =
+      effect_name(finding.candidate()) + " (" + format_percent(finding.probability) + ")";
+  if (!has_rival(finding)) return out;
+  const Alternative& other = finding.alternatives.front();
+  return out + " or " + effect_name(other.candidate) + " (" + format_percent(other.probability) +
+         ")";
+}
+
+std::string fit_remark(const Diagnosis& d) {
+  const double chi2 = d.augmented ? d.augmented->chi2_per_sample : d.baseline.chi2_per_sample;
+  if (!(chi2 < far_below_1)) return "";
+  return std::string(" Chi-squared is far below 1: the noise was ") +
+         (d.noise_estimated.empty() ? "declared" : "estimated") + " too large.";
 }
 
 std::string headline_of(const Diagnosis& d) {
@@ -121,7 +159,15 @@ std::string headline_of(const Diagnosis& d) {
                  : "The model and the recording disagree, and the effects found explain only part "
                    "of it: " +
                        names + ".";
+    case Answer::partial:
+      return "The model lacks " + number_of_effects(d) + ": " + names +
+             ". Most of the mismatch is explained, not all: chi-squared per sample " +
+             format_number(d.baseline.chi2_per_sample) + " \u2192 " +
+             format_number(d.augmented->chi2_per_sample) + " (1: noise only).";
     case Answer::ambiguous: {
+      if (std::any_of(d.findings.begin(), d.findings.end(), has_rival)) {
+        return "The model lacks " + number_of_effects(d) + ": " + names + ".";
+      }
       const auto open = std::find_if(d.findings.begin(), d.findings.end(), is_ambiguous);
       return "The model lacks " + number_of_effects(d) + ", most likely " + names +
              "; this recording alone does not rule out " +

@@ -41,6 +41,16 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
   return table.html();
 }
 
+std::string score_table(const Finding& finding) {
+  Table table("Score on the windows that select, with its standard error.",
+              {"quantity", "without the finding", "with it"});
+  table.row({"chi-squared per sample", format_number(finding.chi2_before),
+             format_number(finding.chi2_after)});
+  table.row({"gain [nat]", "",
+             format_number(finding.gain.value) + " \u00b1 " + format_number(finding.gain.se)});
+  return table.html();
+}
+
 std::string alternative_table(const Finding& finding) {
   Table table(
       "Alternatives: the candidates that explain most, with their relative probabilities. Those "
@@ -60,6 +70,7 @@ Section findings_section(const Diagnosis& d) {
   Section out("findings", "Missing physics");
   const ResultUnits units(d.model);
   int number = 0;
+  out += friction_figures(d);
   for (const Finding& finding : d.findings) {
     const physics::Card& card = finding.effect->card();
     out += "<h3>" + std::to_string(++number) + ". " +
@@ -75,6 +86,7 @@ Section findings_section(const Diagnosis& d) {
         "Chi-squared per sample on the windows that select: " + format_number(finding.chi2_before) +
         " \u2192 " + format_number(finding.chi2_after) + ", a gain of " +
         format_number(finding.gain.value) + " \u00b1 " + format_number(finding.gain.se) + " nat.");
+    out += score_table(finding);
     out += parameter_table(finding, units);
     out += shape_figures(finding);
     out += alternative_table(finding);
@@ -99,19 +111,25 @@ Section stretch_section(const Diagnosis& d) {
   const std::string figures = stretch_figures(d);
   if (figures.empty()) return out;
   const Evidence& evidence = *d.evidence;
-  const Stretch& stretch = evidence.stretch;
-  const double from_s = evidence.windows[stretch.first].begin_s;
-  const double to_s = evidence.windows[stretch.first + stretch.count - 1].end_s;
-  out += paragraph("Shown: " + format_number(from_s, 4) + " to " + format_number(to_s, 4) +
-                   ResultUnits(d.model).after_number("s") +
-                   ", the held-out windows in which the declared model fits worst. The mean "
-                   "square of its residuals is " +
-                   format_number(stretch.before) + " times that of the noise there, and " +
-                   format_number(stretch.typical) +
-                   " times in the median held-out window. Dotted lines: start of a window, with "
-                   "an initial state fitted to that window alone." +
-                   drive_noise_remark(evidence));
+  const auto span = [&](const Stretch& stretch) {
+    return format_number(evidence.windows[stretch.first].begin_s, 4) + " to " +
+           format_number(evidence.windows[stretch.first + stretch.count - 1].end_s, 4) +
+           ResultUnits(d.model).after_number("s");
+  };
+  const bool has_typical = evidence.typical.count > 0;
+  out += paragraph(
+      (has_typical ? "Left: " : "Shown: ") + span(evidence.worst) +
+      ", with the held-out window in which the declared model fits worst." +
+      (has_typical ? " Right: " + span(evidence.typical) + ", with a typical one." : "") +
+      " Dotted lines: start of a window, with an initial state fitted to that window alone." +
+      drive_noise_remark(evidence));
   out += figures;
+  Table table("Mean square of the residuals of the declared model over that of the noise.",
+              {"windows", "residual"});
+  table.row({"worst, shown", format_number(evidence.worst.before)});
+  if (has_typical) table.row({"typical, shown", format_number(evidence.typical.before)});
+  table.row({"median of single windows", format_number(evidence.median)});
+  out += table.html();
   return out;
 }
 
@@ -238,13 +256,21 @@ Section calibration_section(const Diagnosis& d) {
 Section noise_section(const Diagnosis& d) {
   Section out("noise", "Noise floor");
   if (d.noise_std.empty()) return out;
-  Table table("Standard deviation of the measurement noise.", {"channel", "noise", "source"});
+  std::vector<std::string> headings = {"channel", "noise", "source"};
+  if (!d.noise_level.empty()) headings.emplace_back("found / expected");
+  Table table("Standard deviation of the measurement noise.", headings);
   for (const auto& [channel, value] : d.noise_std) {
     const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
                            d.noise_estimated.end();
-    table.row({escape_html(channel_name(channel)),
-               format_quantity(value, ResultUnits(d.model).of(info(channel).unit)),
-               estimated ? "estimated from the recording" : "declared by the model"});
+    std::vector<std::string> cells = {
+        escape_html(channel_name(channel)),
+        format_quantity(value, ResultUnits(d.model).of(info(channel).unit)),
+        estimated ? "estimated from the recording" : "declared by the model"};
+    for (const auto& [changed, level] : d.noise_level) {
+      if (changed == channel) cells.push_back(physics::number_text(level));
+    }
+    cells.resize(headings.size());
+    table.row(cells);
   }
   out += table.html();
   return out;
@@ -278,16 +304,32 @@ Section trial_section(const Diagnosis& d) {
                trial->stage == 0
                    ? std::string("the declared model")
                    : std::to_string(trial->stage) + (trial->stage == 1 ? " finding" : " findings"),
-               format_number(trial->heldout_chi2), format_number(trial->gain_z, 2)});
+               format_number(trial->heldout_chi2),
+               format_number(trial->gain_z, 2) +
+                   (trial->gain_z < significant_gain_z ? ", not significant" : "")});
   }
   out += table.html();
   return out;
 }
 
+std::string false_alarm_table(const FalseAlarms& alarms) {
+  Table table("Synthetic recordings of the calibrated declared model.", {"quantity", "value"});
+  table.row({"synthetic recordings", std::to_string(alarms.recordings)});
+  table.row({"false alarms", std::to_string(alarms.alarms)});
+  if (!alarms.chi2.empty()) {
+    table.row({"chi-squared per sample, smallest", physics::number_text(alarms.chi2.front())});
+    table.row({"chi-squared per sample, largest", physics::number_text(alarms.chi2.back())});
+  }
+  return table.html();
+}
+
 Section detection_section(const Diagnosis& d) {
   Section out("detection", "Detection limits");
   if (d.detection.limits.empty() && !d.false_alarms) return out;
-  if (d.false_alarms) out += paragraph(false_alarm_text(*d.false_alarms));
+  if (d.false_alarms) {
+    out += paragraph(false_alarm_text(*d.false_alarms));
+    out += false_alarm_table(*d.false_alarms);
+  }
   out += paragraph("Smaller effects may be present but undetected" +
                    std::string(d.findings.empty() ? "" : ", in addition to the findings") +
                    ". Effects that replace a law instead of modifying it have no detection limit.");

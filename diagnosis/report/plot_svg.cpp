@@ -50,13 +50,25 @@ double round_step(double range, double count) {
 struct Axis {
   double low = 0.0, high = 1.0, from = 0.0, to = 1.0;
   bool logarithmic = false;
+  bool is_asinh = false;
   double at(double value) const {
     const double share =
-        logarithmic ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
+        logarithmic ? std::log(value / low) / std::log(high / low)
+        : is_asinh  ? (std::asinh(value) - std::asinh(low)) / (std::asinh(high) - std::asinh(low))
+                    : (value - low) / (high - low);
     return from + share * (to - from);
   }
   std::vector<double> ticks(double count) const {
     std::vector<double> list;
+    if (is_asinh) {
+      for (double each = std::pow(10.0, std::floor(std::log10(-std::min(low, -1.0)))); each > 5.0;
+           each /= 10.0) {
+        list.push_back(-each);
+      }
+      list.insert(list.end(), {-2.0, 0.0, 2.0});
+      for (double each = 10.0; each <= high; each *= 10.0) list.push_back(each);
+      return list;
+    }
     if (logarithmic) {
       const double decades = std::log10(high / low);
       const double step = std::max(1.0, std::ceil(decades / count));
@@ -176,6 +188,17 @@ std::string path_of(const Series& series, const Axis& x, const Axis& y) {
   return path;
 }
 
+// A stroke of no length at each point, whose round ends are a dot.
+std::string dots_of(const Series& series, const Axis& x, const Axis& y) {
+  std::string path;
+  for (std::size_t i = 0; i < series.x.size(); ++i) {
+    if (!std::isfinite(series.x[i]) || !std::isfinite(series.y[i])) continue;
+    path.append("M").append(pixel(x.at(series.x[i]))).append(" ");
+    path.append(pixel(y.at(std::clamp(series.y[i], y.low, y.high)))).append("h0");
+  }
+  return path;
+}
+
 std::string area_of(const Band& band, const Axis& x, const Axis& y) {
   std::string path;
   const auto to = [&](double at, double value) {
@@ -249,7 +272,9 @@ std::string legend_of(const LinePlot& plot) {
   };
   for (const Series& series : plot.series) {
     if (series.name.empty()) continue;
-    out += line(left, 30.0, left + 19.0, 30.0, "line " + series_class(series.style));
+    out += series.dots ? "<path class=\"points " + series_class(series.style) + "\" d=\"M" +
+                             pixel(left + 4.0) + " 30h0m6 0h0m6 0h0\"/>\n"
+                       : line(left, 30.0, left + 19.0, 30.0, "line " + series_class(series.style));
     name(series.name);
   }
   for (const Band& band : plot.bands) {
@@ -342,7 +367,7 @@ std::string line_plot_svg(const LinePlot& plot) {
   const Extent extent = extent_of(plot);
   if (!(extent.x_high > extent.x_low)) return "";
   const Axis x{extent.x_low, extent.x_high, left_margin, plot.width - right_margin, plot.log_x};
-  const Axis y{extent.y_low, extent.y_high, plot.height - 40.0, 44.0, plot.log_y};
+  const Axis y{extent.y_low, extent.y_high, plot.height - 40.0, 44.0, plot.log_y, plot.asinh_y};
   std::string out = opening(plot.width, plot.height, plot.title, plot.description);
   out += x_axis(x, y.to, y.from, plot.x_label, plot.width / 90.0);
   out += y_axis(y, x.from, x.to, plot.y_label, plot.height / 45.0);
@@ -353,9 +378,10 @@ std::string line_plot_svg(const LinePlot& plot) {
   }
   out += marks_of(plot, x, y);
   for (const Series& series : plot.series) {
-    const std::string path = path_of(series, x, y);
+    const std::string path = series.dots ? dots_of(series, x, y) : path_of(series, x, y);
     if (path.empty()) continue;
-    out += "<path class=\"line " + series_class(series.style) + "\" d=\"" + path + "\"/>\n";
+    out += "<path class=\"" + std::string(series.dots ? "points " : "line ") +
+           series_class(series.style) + "\" d=\"" + path + "\"/>\n";
   }
   return out + legend_of(plot) + "</svg>\n";
 }

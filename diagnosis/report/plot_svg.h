@@ -14,7 +14,8 @@ struct Series {
   std::string name;  ///< for the legend; empty: not listed
   std::vector<double> x;
   std::vector<double> y;
-  int style = 0;  ///< class of the line
+  int style = 0;      ///< class of the line
+  bool dots = false;  ///< points, not joined
 };
 
 /// An area between two curves.
@@ -39,6 +40,7 @@ struct LinePlot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
+  bool asinh_y = false;  ///< linear near 0, logarithmic beyond about 2
   std::vector<Series> series;
   std::vector<Band> bands;
   std::vector<Mark> marks;   ///< at values of x

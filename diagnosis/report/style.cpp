@@ -67,6 +67,7 @@ svg { display:block; width:100%; max-width:560px; height:auto; }
 .s1 { stroke:var(--s1); } .line.s1 { stroke-dasharray:6 3; } .s2 { stroke:var(--s2); }
 .s3 { stroke:var(--s3); } .line.s3 { stroke-dasharray:1 3; }
 .area { stroke:none; opacity:0.25; } .area.s0 { fill:var(--s0); } .area.s2 { fill:var(--s2); }
+.points { fill:none; stroke-width:2; stroke-linecap:round; opacity:0.5; }
 .dot { stroke:none; } .dot.s2 { fill:var(--s2); } .spot { stroke:var(--soft); stroke-width:0.6; }
 .m0 { fill:var(--m0); } .m1 { fill:var(--m1); } .m2 { fill:var(--m2); } .m3 { fill:var(--m3); }
 .m4 { fill:var(--m4); } .m5 { fill:var(--m5); } .m6 { fill:var(--m6); } .m7 { fill:var(--m7); }

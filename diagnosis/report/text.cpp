@@ -40,7 +40,10 @@ void add_verdict(std::ostringstream& text, const Diagnosis& d) {
       break;
     case Verdict::missing_physics:
       text << "MISSING PHYSICS: the model lacks " << physics::counted(d.findings.size(), "effect")
-           << ".\n";
+           << "."
+           << (answer_of(d) == Answer::partial ? " Most of the mismatch is explained, not all."
+                                               : "")
+           << "\n";
       break;
     case Verdict::unexplained:
       text << "UNEXPLAINED: the model does not fit the recording, and no candidate effect explains "
@@ -128,6 +131,7 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   if (d.verdict != Verdict::consistent && !d.noise_level.empty()) {
     text << " " << noise_level_text(d) << "\n";
   }
+  if (const std::string remark = fit_remark(d); !remark.empty()) text << " " << remark << "\n";
   if (d.noise_estimated.empty()) return;
   text << "  Noise estimated from the recording, not declared:";
   for (const Channel channel : d.noise_estimated) text << " " << info(channel).stem;

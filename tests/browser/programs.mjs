@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The programs under test, and the browser. ctest names them in the environment: STICKSLIP, STICKSLIPD,
 // STICKSLIP_SOURCE_DIR, CHROMIUM, PLAYWRIGHT and AXE (files of the npm packages).
+import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
 import fs from "node:fs";
 import { createRequire } from "node:module";
@@ -150,4 +151,13 @@ export async function held(page, question, ...args) {
 // Result of stickslip.drawn in the page; null for missing numbers.
 export async function drawn(page, name) {
   return JSON.parse(await page.evaluate(async (name) => JSON.stringify(await stickslip.drawn(name)), name));
+}
+
+// Checks accessibility: no serious finding, no horizontal overflow.
+export async function lookForBarriers(page, name) {
+  if (!(await page.evaluate(() => window.axe !== undefined))) await page.evaluate(fs.readFileSync(process.env.AXE, "utf8"));
+  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
+  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
+  assert.deepEqual(serious.map(({ id, nodes }) => [id, nodes.map(({ target, failureSummary }) => `${target}: ${failureSummary}`)]), [], name);
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= window.innerWidth), `${name}: wider than the window`);
 }

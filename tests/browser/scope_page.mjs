@@ -6,7 +6,7 @@ import fs from "node:fs";
 import path from "node:path";
 import { test } from "node:test";
 import { close, ink, near, open, state, text } from "./fed_page.mjs";
-import { drawn, held, run, stickslip, temporaryFolder, until } from "./programs.mjs";
+import { drawn, held, lookForBarriers, run, stickslip, temporaryFolder, until } from "./programs.mjs";
 
 // Values that are identical on every machine, bit for bit, unlike a sine.
 const exact = (channel, t) => ((Math.round(t * 1000) * 7919 + channel * 104729) % 10007) / 10007 - 0.5 + channel + t / 7;
@@ -504,7 +504,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
     feed.event(1, "model_broken", "the rig does not follow its model: residuals have 4 times the power of the noise"); // repeated for a new connection
     feed.text({ type: "timing", upper_edge_ns: [1000, 10000, 100000], lateness: [5, 90, 5], cycle: [0, 10, 90], read: [0, 0, 0], cycles: 100 });
   });
-  assert.equal(await text(page, "#state-chip"), "running");
+  await until(page, () => document.querySelector("#state-chip").textContent === "running");
   assert.equal(await text(page, "#rig-name"), "Beam <b>II</b>");
   assert.match(await text(page, "#ledger"), /on its way\s+10\s+20/);
   const recording = page.locator("#recording-chip");
@@ -519,7 +519,7 @@ test("state, fault and its cause, ledger, verdict, timing and events are shown; 
   await recorded(4e11);
   assert.match(await text(page, "#verdict"), /✕ The rig does not follow its model: residuals have 4 times/);
   await page.evaluate(() => feed.event(1, "model_explained", "probable cause of the model mismatch: mu is 0.9", 1.705e15));
-  assert.match(await text(page, "#verdict"), /✕ Probable cause of the model mismatch: mu is 0\.9\. First report: the rig does not follow its model/);
+  assert.match(await text(page, "#verdict"), /✕ Probable cause of the model mismatch: mu is 0\.9\. First alarm 22:13:20 UTC: the rig does not follow its model/);
   assert.equal(await page.locator("#event-list li").count(), 3);
   assert.match(await text(page, "#event-list li:nth-child(3)"), /<img src=x/);
   assert.equal(await page.locator("#event-list img, #rig-name b").count(), 0);
@@ -743,6 +743,48 @@ test("identical events are one line with their number; a filter; marks on the tr
   await close(page);
 });
 
+test("a note is sent if the server takes notes, and stands on the traces and in the list", async () => {
+  const page = await open();
+  await page.evaluate(() => feed.frames(0, 12000, { per: 1000 }));
+  assert.ok(await page.locator("#note-form").isHidden(), "the server does not say that it takes them");
+  await page.locator("#screen").focus();
+  await page.keyboard.press("w");
+  await page.evaluate(() => feed.text({ type: "hello", version: "test", program: "stickslip scope", history_s: 60, url: "memq://", notes: true, recording: false }));
+  await page.keyboard.press("w");
+  await page.keyboard.type("weights changed: 450 g; c p");
+  assert.equal((await state(page)).paused, false, "letters of a note are no keys");
+  const sent = () => page.evaluate(() => feed.sockets.at(-1).sent);
+  await page.keyboard.press("Enter");
+  await page.keyboard.press("Enter"); // before the answer
+  assert.deepEqual((await sent()).map((text) => JSON.parse(text)), [{ note: "weights changed: 450 g; c p" }]);
+  await page.evaluate(() => feed.text({ type: "note", taken: false, refusal: "the daemon <b>refuses</b>" }));
+  assert.equal(await text(page, "#note-answer"), "Not taken: the daemon <b>refuses</b>");
+  assert.equal(await page.locator("#note").inputValue(), "weights changed: 450 g; c p", "it can be sent again");
+  await page.keyboard.press("Enter");
+  assert.equal((await sent()).length, 2);
+  await page.evaluate(() => {
+    feed.text({ type: "note", taken: true, refusal: "" });
+    feed.text({ type: "event", utc_us: 1.7e15, time_ns: 8e9, sequence: 8000, severity: 0, code: "note", message: "weights changed: 450 g; c p" });
+  });
+  assert.equal(await text(page, "#note-answer"), "Noted.");
+  assert.equal(await page.locator("#note").inputValue(), "");
+  assert.match(await text(page, "#event-list"), /note\s+weights changed: 450 g; c p/);
+  await drawn(page, "none");
+  const { markers, plot } = await state(page);
+  assert.equal(markers.length, 1);
+  assert.equal(markers[0].note, "weights changed: 450 g; c p");
+  assert.equal(markers[0].shown, markers[0].note, "in the strip of a title");
+  near(markers[0].x, plot.left + plot.width * ((8 - (11.999 - 10)) / 10), 2);
+  if (process.env.PICTURES) await page.screenshot({ path: `${process.env.PICTURES}/note.png` });
+  // Without a connection it is kept.
+  await page.locator("#note").fill("later");
+  await page.evaluate(() => feed.drop());
+  await page.locator("#note").press("Enter");
+  assert.match(await text(page, "#note-answer"), /^Not connected/);
+  assert.equal(await page.locator("#note").inputValue(), "later");
+  await close(page);
+});
+
 test("a paused spectrum and portrait are of the window that is seen, and a chosen zoom holds", async () => {
   const page = await open();
   await page.evaluate(() => {
@@ -786,6 +828,22 @@ test("a paused spectrum and portrait are of the window that is seen, and a chose
   await until(page, async (newest) => (await stickslip.drawn("spectrum")).newest > newest, newest);
   assert.deepEqual((await drawn(page, "spectrum")).scale, zoom);
   await page.mouse.dblclick(box.x + box.width * 0.5, box.y + 50);
+  await until(page, async () => (await stickslip.drawn("spectrum")).scale.max > 400);
+  // A plot that is to be built anew during the drag, as at the end of a pause, waits for its end.
+  await page.mouse.move(box.x + box.width * 0.5, box.y + 50);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.6, box.y + 50, { steps: 3 });
+  await page.evaluate(() => { document.querySelector("#spectrum-plot canvas").dataset.old = "yes"; });
+  await page.setViewportSize({ width: 1000, height: 700 });
+  await page.evaluate(() => new Promise((resolve) => { requestAnimationFrame(() => requestAnimationFrame(resolve)); }));
+  await page.mouse.move(box.x + box.width * 0.7, box.y + 50, { steps: 3 });
+  await page.mouse.up();
+  await until(page, () => document.querySelector("#spectrum-plot canvas")?.dataset.old === undefined);
+  const again = await drawn(page, "spectrum");
+  near(again.zoom.min, zoom.min, 0.1 * zoom.min);
+  near(again.zoom.max, zoom.max, 0.1 * zoom.max);
+  await until(page, async ({ min, max }) => { const { scale } = await stickslip.drawn("spectrum"); return scale?.min === min && scale.max === max; }, again.zoom);
+  await page.locator("#spectrum-plot .u-over").dblclick();
   await until(page, async () => (await stickslip.drawn("spectrum")).scale.max > 400);
   assert.equal(await peak() > 49, true);
   await close(page);
@@ -1008,19 +1066,11 @@ for (const [name, options, keys] of [["large", { width: 1500 }, ["b"]], ["phone"
   });
 }
 
-// Checks accessibility: no serious finding, no horizontal overflow.
-async function lookForBarriers(page, name) {
-  if (!(await page.evaluate(() => window.axe !== undefined))) await page.evaluate(fs.readFileSync(process.env.AXE, "utf8"));
-  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
-  const serious = violations.filter(({ impact }) => impact === "serious" || impact === "critical");
-  assert.deepEqual(serious.map(({ id, nodes }) => [id, nodes.map(({ target, failureSummary }) => `${target}: ${failureSummary}`)]), [], name);
-  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= window.innerWidth), `${name}: wider than the window`);
-}
-
 for (const [name, options] of [["desk", {}], ["phone", { width: 390, height: 844, isMobile: true, hasTouch: true }]]) {
   test(`accessible: ${name}`, async () => {
     const page = await open(options);
     await page.evaluate(() => {
+      feed.text({ type: "hello", version: "test", program: "stickslip scope", history_s: 60, url: "memq://", notes: true, recording: false });
       feed.frames(0, 12000, { per: 1000 });
       feed.excitation(0, 12000, 3.2, 0.01);
       for (let i = 0; i < 12000; i += 100) feed.estimate(i);

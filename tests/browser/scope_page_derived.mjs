@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Channels that the page of `stickslip scope` derives from the stream, and numbers in the titles of its lanes.
 import assert from "node:assert/strict";
+import fs from "node:fs";
+import path from "node:path";
 import { test } from "node:test";
 import { close, ink, near, open, state, text } from "./fed_page.mjs";
-import { drawn, held, until } from "./programs.mjs";
+import { drawn, held, run, stickslip, temporaryFolder, until } from "./programs.mjs";
 
 const load = (t) => (t < 1 ? 0.01 * Math.sin(40 * t) : t < 6 ? 10 + Math.sin(3 * t) : t < 7 ? 0.3 : -2);
 const values = (t) => [0.01 * Math.sin(6 * t), 0.06 * Math.cos(6 * t), 2.5 * Math.tanh(9 * Math.cos(6 * t)), load(t)];
@@ -189,3 +191,32 @@ for (const webgl of [0, 1]) {
     await close(page);
   });
 }
+
+test("derived channels on screen are columns of the export, which the tools leave out", async () => {
+  const page = await openRig("?webgl=0");
+  await page.locator("#expression").fill("F*v, 1");
+  await page.locator("#expression").press("Enter");
+  await page.locator("#expression").fill("F*v + t");
+  await page.locator("#expression").press("Enter");
+  await page.locator("#screen").focus();
+  await page.keyboard.press("7"); // mu; power is not shown
+  await drawn(page, "coefficient");
+  const [download] = await Promise.all([page.waitForEvent("download"), page.locator("#export-csv").click()]);
+  const folder = temporaryFolder();
+  const file = path.join(folder, "window.csv");
+  await download.saveAs(file);
+  const lines = fs.readFileSync(file, "utf8").trimEnd().split("\n");
+  assert.equal(lines[1], "# derived_expression = F*v + t");
+  assert.equal(lines[2], "time_s,displacement_m,velocity_m_s,friction_force_n,normal_load_n,derived_coefficient,derived_expression");
+  const rows = lines.slice(3).map((line) => line.split(","));
+  const { left_ns, span_ns } = await state(page);
+  for (const [channel, column] of [[6, 5], [8, 6]]) {
+    const { value } = await held(page, "frames", channel, left_ns, left_ns + span_ns);
+    assert.equal(rows.length, value.length);
+    rows.forEach((row, k) => assert.ok(Number.isNaN(value[k]) ? row[column] === "" : Number(row[column]) === value[k], `row ${k}`));
+  }
+  run(stickslip, ["convert", file, path.join(folder, "window.log")]);
+  assert.match(run(stickslip, ["log", "info", path.join(folder, "window.log")]), new RegExp(`${rows.length}`));
+  fs.rmSync(folder, { recursive: true });
+  await close(page);
+});

@@ -103,12 +103,23 @@ for (const webgl of [0, 1]) {
     await page.keyboard.up("Shift");
     await until(page, async (high) => (await stickslip.drawn("displacement")).high > high, before.high);
     const scaled = await drawn(page, "displacement");
-    await until(page, () => new URLSearchParams(window.location.search).has("scales"));
+    // A trigger, whose level is never reached, and cursors.
+    await page.locator("#trigger-channel").selectOption({ label: "Friction force" });
+    await page.locator("#trigger-mode").selectOption("auto");
+    await page.locator("#trigger-level").fill("5.5");
+    await page.locator("#trigger-level").press("Enter");
+    await page.locator("#trigger-edge").click();
+    await page.locator("#cursors").click();
+    await page.locator("#cursor-b").press("End");
+    await until(page, () => ["scales", "trigger", "cursors"].every((name) => new URLSearchParams(window.location.search).has(name)));
+    await until(page, () => new URLSearchParams(window.location.search).get("cursors") === "0.35_1");
     const query = new URL(page.url()).searchParams;
     assert.equal(query.get("span"), "5");
     assert.equal(query.get("lanes"), "x*v*F_N*D*mu*e");
     assert.equal(query.get("limits"), "v_-0.055_");
     assert.equal(query.get("expression"), "F*v + 2^2");
+    assert.equal(query.get("trigger"), "auto_F_5.5_falling");
+    assert.equal(query.get("units"), "mm");
     const [id, scaleLow, scaleHigh] = query.get("scales").split("_");
     assert.equal(id, "x");
     near(Number(scaleLow) * 1e3, scaled.low, 1e-6);
@@ -119,6 +130,11 @@ for (const webgl of [0, 1]) {
     await feedRig(other);
     await until(other, () => document.querySelector("#readings tbody td").textContent !== "");
     assert.deepEqual((await state(other)).visible, (await state(page)).visible);
+    const { trigger, cursors, left_ns: left, span_ns: span } = await state(other);
+    assert.deepEqual([trigger.mode, trigger.channel, trigger.level, trigger.rising], ["auto", 2, 5.5, false]);
+    assert.deepEqual(cursors.map((at) => Number(((at - left) / span).toFixed(6))), [0.35, 1]);
+    assert.equal(await other.locator("#trigger-level").inputValue(), "5.5");
+    assert.equal(await other.locator("#trigger-edge").innerText(), "↘");
     for (const name of names) {
       const [mine, theirs] = [await drawn(page, name), await drawn(other, name)];
       assert.equal(theirs.points.length, mine.points.length);
@@ -139,6 +155,8 @@ for (const webgl of [0, 1]) {
     await drawn(page, "none");
     assert.deepEqual((await state(page)).visible, names);
     assert.ok((await drawn(page, "displacement")).high < scaled.high);
+    assert.equal((await state(page)).cursors, null);
+    assert.equal((await state(page)).trigger.mode, "roll", "a page that is opened anew runs");
     await until(page, () => new URLSearchParams(window.location.search).get("lanes") === "x*v*F_N*D*mu*e");
     await close(page);
     await close(other);
@@ -164,12 +182,24 @@ test("an address without lanes has none, and lanes of lanes are one", async () =
   for (const one of [page, empty, chained]) await close(one);
 });
 
+test("an address names the units, whatever those of the browser", async () => {
+  const page = await open({}, "?webgl=0&units=m");
+  await feedRig(page);
+  assert.equal((await drawn(page, "displacement")).title, "x  displacement (m)");
+  assert.equal(await page.locator("#units-now").innerText(), "m");
+  await page.locator("#screen").focus();
+  await page.keyboard.press("u");
+  await until(page, () => new URLSearchParams(window.location.search).get("units") === "mm");
+  await close(page);
+});
+
 test("of a damaged address what is understood is used", async () => {
-  const page = await open({}, "?webgl=0&span=abc&lanes=zz*v_x_qq**_*N&scales=x_1*v_2_1*N_0_1_2*F_a_b&limits=F_3_2*x_*N__0.4&expression=%29%28");
+  const page = await open({}, "?webgl=0&span=abc&lanes=zz*v_x_qq**_*N&scales=x_1*v_2_1*N_0_1_2*F_a_b&limits=F_3_2*x_*N__0.4&expression=%29%28&trigger=normal_q_1_rising&units=toString&cursors=0.5_2");
   await feedRig(page);
   await until(page, () => document.querySelector("#readings tbody td").textContent !== "");
   const now = await state(page);
   assert.equal(now.span_s, 10);
+  assert.deepEqual([now.trigger.mode, now.units, now.cursors], ["roll", "mm", null]);
   assert.deepEqual(now.visible, ["displacement", "velocity", "normal_load"]);
   const [x, v, load] = [await drawn(page, "displacement"), await drawn(page, "velocity"), await drawn(page, "normal_load")];
   assert.equal(x.top, v.top);

@@ -11,6 +11,7 @@ import threading
 import time
 import unittest
 
+from frames import generate_types, payloads
 from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, as_other_user, main, run
 
 HOLD_S = 0.15  # time for which the relay stays on without a message
@@ -211,6 +212,28 @@ class ControlSocket(EndToEnd):
             time.sleep(0.05)
         self.assertEqual(self.ctl("status")["state"], "running")
         self.end(daemon)
+
+    def test_a_note_is_in_the_recording_with_its_time(self):
+        log = self.folder / "run.log"
+        daemon = self.start(more=f"""
+            [recording]
+            enabled = true
+            file = "{log}"
+            """)
+        before = self.ctl("status")["time_ns"]
+        noted = self.ctl("note", "weights", "changed", "to", "450 g")
+        after = self.ctl("status")["time_ns"]
+        self.assertLessEqual(before, noted["time_ns"])
+        self.assertLessEqual(noted["time_ns"], after)
+        self.assertIn("characters", self.ctl("note", "two\nlines", status=1)["error"])
+        page = run(STICKSLIP, "ctl", "--socket", self.socket, "note", "again")
+        self.assertRegex(page.stdout, r"\Anoted at \d+\.\d{3} s of device time\n\Z")
+        self.end(daemon)
+        event_t = generate_types(self.folder / "types").event_t
+        events = [event_t.decode(payload) for payload in payloads(log, "STICKSLIP_EVENT")]
+        notes = [(event.message, event.time_ns, event.severity) for event in events if event.code == "note"]
+        self.assertEqual([text for text, _, _ in notes], ["weights changed to 450 g", "again"])
+        self.assertEqual(notes[0][1:], (noted["time_ns"], 0))
 
     def test_a_calibration_with_readings_of_the_daemon(self):
         self.write("cal.toml", (SOURCE / "config/calibrations/beam.toml").read_text())

@@ -14,7 +14,7 @@ import threading
 import time
 import urllib.request
 
-from frames import CHANNELS, generate_types, payloads
+from frames import CHANNELS, frames_of_block, generate_types, payloads
 from programs import PATIENCE_S, SOURCE, STICKSLIP, STICKSLIPD, EndToEnd, main, needs_page
 from web_socket import (BINARY, PING, TEXT, Closed, Refused, WebSocket, connect, frame, handshake)
 
@@ -588,6 +588,171 @@ class Token(Scope):
         WebSocket(self.port, path=path, host="rig.lab", origin="https://notes.lab").close()
         with self.assertRaises(Refused):
             WebSocket(self.port, path=path, host="rig.lab", origin="https://other.lab")
+
+
+class Notes(Scope):
+    def setUp(self):
+        EndToEnd.setUp(self)
+        self.socket = self.folder / "control.sock"
+        self.log = self.folder / "run.log"
+        self.daemon = self.start_daemon("--control", str(self.socket), "--record", str(self.log))
+        self.server, self.port = self.start_scope("--allow-notes", "--socket", str(self.socket))
+
+    def note(self, client, text):
+        """The answer to a note, and the event that came with it."""
+        client.send(frame(TEXT, json.dumps({"note": text}).encode()))
+        answer = event = None
+        end = time.monotonic() + 30
+        while answer is None or (answer["taken"] and event is None):
+            self.assertLess(time.monotonic(), end, f"{answer}, {event}")
+            for message in texts_in([client.receive()]):
+                if message["type"] == "note":
+                    answer = message
+                elif message["type"] == "event" and message["code"] == "note":
+                    event = message
+        return answer, event
+
+    def test_a_note_from_a_page_is_recorded_and_sent_to_every_page(self):
+        with WebSocket(self.port) as client, WebSocket(self.port) as other:
+            self.wait_for_frames(client, 500)
+            spy = subprocess.Popen([STICKSLIP, "spy", "STICKSLIP_EVENT", "--json"], stdout=subprocess.PIPE, text=True)
+            self.addCleanup(spy.stdout.close)
+            self.addCleanup(spy.wait)
+            self.addCleanup(spy.kill)
+            spy.stdout.readline()  # it has subscribed
+            answer, event = self.note(client, "weights: 450 g, µ <lower>")
+            lines = (json.loads(spy.stdout.readline()) for _ in range(30))
+            self.assertTrue(any("note: weights: 450 g, µ <lower>" in json.dumps(line, ensure_ascii=False)
+                                for line in lines))
+            self.assertEqual((answer["taken"], answer["refusal"]), (True, ""))
+            self.assertEqual((event["message"], event["severity"]), ("weights: 450 g, µ <lower>", 0))
+            self.assertGreater(event["time_ns"], 0)
+            seen = None
+            end = time.monotonic() + 30
+            while seen is None or seen["code"] != "note":
+                self.assertLess(time.monotonic(), end)
+                for message in texts_in([other.receive()]):
+                    seen = message if message["type"] == "event" else seen
+            self.assertEqual(seen, event)
+            # One that the daemon refuses, with its reason.
+            answer, _ = self.note(client, "x" * 600)
+            self.assertFalse(answer["taken"])
+            self.assertIn("500 bytes", answer["refusal"])
+        with WebSocket(self.port) as late:
+            events = [text for text in texts_in(self.wait_for_frames(late, 500)) if text["type"] == "event"]
+            self.assertIn(event, events)
+        self.assertEqual(self.stop(self.daemon), 0)
+        event_t = generate_types(self.folder / "types").event_t
+        recorded = [event_t.decode(payload) for payload in payloads(self.log, "STICKSLIP_EVENT")]
+        self.assertEqual([(each.message, each.time_ns) for each in recorded if each.code == "note"],
+                         [(event["message"], event["time_ns"])])
+
+    def test_without_its_daemon_a_note_is_refused_and_rubbish_closes_the_stream(self):
+        with WebSocket(self.port) as client:
+            self.wait_for_frames(client, 100)
+            self.assertEqual(self.stop(self.daemon), 0)
+            answer, _ = self.note(client, "without a daemon")
+            self.assertFalse(answer["taken"])
+            self.assertIn("no daemon can be reached", answer["refusal"])
+        for name, data in {"no note": frame(TEXT, b'{"not": "e"}'), "no JSON": frame(TEXT, b"hello"),
+                           "binary": frame(BINARY, b'{"note": "a"}'), "long": frame(TEXT, b"x" * 3000),
+                           "parts": frame(TEXT, b"x" * 1500, final=False) + frame(0, b"x" * 1500)}.items():
+            with self.subTest(sent=name), WebSocket(self.port) as client:
+                client.send(data)
+                with self.assertRaises((Closed, ConnectionResetError, BrokenPipeError)):
+                    end = time.monotonic() + 20
+                    while time.monotonic() < end:
+                        client.receive()
+
+    def test_notes_about_another_rig_are_refused(self):
+        other = self.folder / "other"
+        shutil.copytree(SOURCE / "config", other)
+        config = other / "simulated.toml"
+        config.write_text(config.read_text().replace("simulated rig", "another rig"))
+        with WebSocket(self.port) as client:
+            self.wait_for_frames(client, 100)
+            daemon = subprocess.Popen([STICKSLIPD, "--config", str(config), "--control", str(other / "control")],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.addCleanup(daemon.wait)
+            self.addCleanup(daemon.kill)
+            end = time.monotonic() + 30
+            source = None
+            while source is None:
+                self.assertLess(time.monotonic(), end)
+                for text in texts_in([client.receive()]):
+                    found = [one["id"] for one in text.get("sources", []) if one["rig"] == "another rig"]
+                    source = found[0] if found else source
+        with WebSocket(self.port, path=f"/stream?source={source}") as client:
+            self.wait_for_frames(client, 100)
+            answer, _ = self.note(client, "to the wrong recording")
+            self.assertIn("another rig", answer["refusal"])
+
+
+class Replay(Scope):
+    """A recording instead of the rig."""
+    options = ("--token", "abc")
+
+    def setUp(self):
+        EndToEnd.setUp(self)
+        self.log = self.folder / "run.log"
+        folder = self.folder / "config"
+        shutil.copytree(SOURCE / "config", folder)
+        config = folder / "simulated.toml"
+        config.write_text(config.read_text().replace("rate_hz = 1000.0", "rate_hz = 2000.0"))
+        run = subprocess.run([STICKSLIPD, "--config", str(config), "--record", str(self.log), "--no-lcm",
+                              "--duration", "4"], capture_output=True, text=True, timeout=300)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.server, self.port = self.start_scope("--replay", str(self.log), *self.options)
+
+    def ask(self, path):
+        status, _, body = self.get(path)
+        return status, body
+
+    def test_summary_and_pieces_are_the_recording(self):
+        status, body = self.ask("/recording?token=abc")
+        self.assertEqual(status, 200)
+        summary = json.loads(body)
+        recorded = [frame for block in self.blocks() for frame in block]
+        self.assertEqual(summary["frames"], len(recorded))
+        self.assertEqual(int(summary["first_ns"]), recorded[0].time_ns)
+        frames, types = [], set()
+        for number in range(len(summary["pieces"])):
+            status, body = self.ask(f"/recording/{number}?token=abc")
+            self.assertEqual(status, 200)
+            at = 0
+            while at < len(body):
+                size, binary = struct.unpack_from("<II", body, at)
+                content = body[at + 8:at + 8 + size]
+                at += 8 + size
+                if binary:
+                    column, _ = decoded(content)
+                    frames += list(zip(*column[:2]))
+                else:
+                    types.add(json.loads(content)["type"])
+        self.assertEqual(frames, [(frame.time_ns, frame.sequence) for frame in recorded])
+        self.assertLessEqual({"estimate", "excitation", "status", "timing", "model", "event"}, types)
+        with WebSocket(self.port, path="/stream?token=abc") as client:
+            hello = texts_in([client.receive()])[0]
+            self.assertTrue(hello["recording"])
+            self.assertFalse(hello["notes"])
+
+    def blocks(self):
+        block_t = generate_types(self.folder / "types").frame_block_t
+        return [frames_of_block(block_t.decode(payload)) for payload in payloads(self.log, "STICKSLIP_FRAMES")]
+
+    def test_pieces_need_the_token_and_exist(self):
+        self.assertEqual(self.ask("/recording")[0], 403)
+        self.assertEqual(self.ask("/recording/0")[0], 403)
+        for path in ("/recording/99", "/recording/-1", "/recording/0x", "/recording/", "/recordings", "/recording0"):
+            self.assertEqual(self.ask(path + "?token=abc")[0], 404, path)
+
+    def test_what_is_no_log_is_refused_in_one_line(self):
+        csv = self.write("run.csv", "time_s,velocity_m_s\n1,2\n")
+        for file, words in ((csv, "stickslip convert"), (self.folder / "none.log", "none.log")):
+            result = subprocess.run([STICKSLIP, "scope", "--listen", "127.0.0.1:0", "--replay", str(file)],
+                                    capture_output=True, text=True, timeout=60)
+            self.assertEqual(result.returncode, 2)
+            self.assertRegex(result.stderr, rf"\A[^\n]*{words}[^\n]*\n\Z")
 
 
 class OtherNetwork(Scope):

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "config/key.h"
 #include "physics/frame.h"
@@ -48,6 +49,7 @@ struct Arguments {
   double duration_s = 0.0;
   std::string key;
   double value = 0.0;
+  std::vector<std::string> words;  ///< of a note
 };
 
 void print_line(const char* label, const std::string& text) {
@@ -297,6 +299,17 @@ int watch(const Arguments& arguments) {
   return 0;
 }
 
+void print_note(const json& answer, const Paint&) {
+  terminal::print("noted at %.3f s of device time\n", 1e-9 * answer.value("time_ns", 0.0));
+}
+
+int note(const Arguments& arguments) {
+  std::string text;
+  for (const std::string& word : arguments.words) text += (text.empty() ? "" : " ") + word;
+  ControlClient client(control_socket(arguments.socket));
+  return report(arguments, client.ask("note", {{"text", text}}), print_note);
+}
+
 /// A key that the daemon can change while it drives, a live one of the excitation; its table may be
 /// left out.
 CLI::Validator settable_key() {
@@ -312,6 +325,15 @@ CLI::Validator settable_key() {
         return known(text.starts_with(table) ? text : table + text);
       },
       "");
+}
+
+void add_setting(CLI::App& command, Arguments& arguments) {
+  command.add_option("KEY", arguments.key, "As in the rig file, such as excitation.carrier_hz")
+      ->required()
+      ->check(settable_key());
+  command.add_option("VALUE", arguments.value, "In the key's unit")
+      ->required()
+      ->check(finite_number());
 }
 
 }  // namespace
@@ -347,17 +369,15 @@ void add_ctl(CLI::App& app, Action& action) {
   CLI::App* const stopping = command("stop", "Ramp down and switch the amplifier off", stop);
   stopping->add_flag("--wait", arguments->wait, "Return when the rig is at rest");
   CLI::App* const setting = command("set", "Change the excitation while it runs", set);
-  setting->add_option("KEY", arguments->key, "As in the rig file, such as excitation.carrier_hz")
-      ->required()
-      ->check(settable_key());
-  setting->add_option("VALUE", arguments->value, "In the key's unit")
-      ->required()
-      ->check(finite_number());
+  add_setting(*setting, *arguments);
   CLI::App* const averaging = command("average", "Mean of the raw readings", average);
   add_averaging_time_option(*averaging, arguments->seconds);
   add_ctl_calibrate(*ctl, {arguments, &arguments->socket}, action);
   add_ctl_model(*ctl, {arguments, &arguments->socket}, {arguments, &arguments->json_output},
                 action);
+  command("note", "Write a note with its time into the recording", note)
+      ->add_option("TEXT", arguments->words, "One line; its words need no quotes")
+      ->required();
   command("reload", "Reload the configuration, as SIGHUP does", reload);
   CLI::App* const watching =
       command("watch", "Print events as they occur, and the status every second", watch);

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -35,10 +36,12 @@ struct Connection {
 
   std::string peer;  ///< its address, without a port
   Stage stage = Stage::requesting;
-  Clock::time_point since;  ///< of the stage
-  Backlog backlog;          ///< streaming
-  std::string wanted;       ///< streaming: the source that the page named; empty: none
-  std::string body;         ///< answering: the unsent rest begins at `sent`
+  Clock::time_point since;   ///< of the stage
+  Backlog backlog;           ///< streaming
+  std::string wanted;        ///< streaming: the source that the page named; empty: none
+  std::uint64_t stream = 0;  ///< streaming: its number
+  std::string heard;         ///< streaming: the beginning of a text from the page
+  std::string body;          ///< answering: the unsent rest begins at `sent`
   std::size_t sent = 0;
 };
 

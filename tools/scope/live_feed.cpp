@@ -16,6 +16,7 @@ namespace {
 
 constexpr auto silence = std::chrono::seconds(1);
 constexpr auto heartbeat = std::chrono::milliseconds(250);
+constexpr std::size_t most_notes = 100;  // for new pages
 constexpr std::int64_t restart_ns = 1'000'000'000;
 
 bool is_verdict(const event_t& event) {
@@ -28,7 +29,8 @@ bool is_verdict(const event_t& event) {
 LiveFeed::LiveFeed(FeedSettings settings, Send send)
     : settings_(std::move(settings)),
       send_(std::move(send)),
-      hello_(shared_message(encode_hello(settings_.version, settings_.history_s, settings_.url))),
+      hello_(shared_message(encode_hello(
+          {settings_.version, settings_.history_s, settings_.url, settings_.notes, false}))),
       history_(settings_.history_s, settings_.history_max_bytes),
       alive_at_(Clock::now()),
       began_(alive_at_) {
@@ -101,6 +103,7 @@ void LiveFeed::reset_run() {
   timing_.reset();
   recorder_.reset();
   verdicts_.clear();
+  notes_.clear();
   send(shared_message(encode_restart()));
 }
 
@@ -130,6 +133,10 @@ void LiveFeed::take_event(std::span<const std::uint8_t> bytes) {
   if (is_verdict(message)) {
     std::erase_if(verdicts_, [&](const Verdict& one) { return one.code == message.code; });
     verdicts_.push_back({message.code, event});
+  }
+  if (message.code == "note") {
+    notes_.push_back(event);
+    if (notes_.size() > most_notes) notes_.pop_front();
   }
   send(event);
 }
@@ -184,6 +191,7 @@ std::vector<SharedMessage> LiveFeed::greeting(Clock::time_point now) const {
   append(timing_);
   append(recorder_);
   append(estimate_);
+  for (const SharedMessage& note : notes_) append(note);
   for (const Verdict& verdict : verdicts_) append(verdict.event);
   append(alive(now));
   return out;

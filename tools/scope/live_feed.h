@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <optional>
 #include <span>
@@ -19,12 +20,14 @@
 namespace stickslip::scope {
 
 struct FeedSettings {
-  std::string version;      ///< of the program
-  std::string url;          ///< LCM URL
-  double history_s = 60.0;  ///< length of the history that a new page gets
+  std::string version = {};  ///< of the program
+  std::string url = {};      ///< LCM URL
+  double history_s = 60.0;   ///< length of the history that a new page gets
   /// Limit of its size: a minute at 1 kHz takes 4 MB.
   std::size_t history_max_bytes = std::size_t{256} << 20U;
-  std::vector<Mark> marks;  ///< of a model given by option; else from the recording's description
+  bool notes = false;  ///< pages may write notes
+  std::vector<Mark> marks =
+      {};  ///< of a model given by option; else from the recording's description
 };
 
 /// Converts LCM messages to messages for pages. Input is not trusted: messages that cannot be
@@ -80,7 +83,8 @@ class LiveFeed {
     std::string code;
     SharedMessage event;
   };
-  std::vector<Verdict> verdicts_;  ///< the model check's latest event of each kind, oldest first
+  std::vector<Verdict> verdicts_;    ///< the model check's latest event of each kind, oldest first
+  std::deque<SharedMessage> notes_;  ///< the latest, oldest first
   FrameHistory history_;
   FrameTimes times_;
   std::vector<Frame> frames_;

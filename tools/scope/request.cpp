@@ -167,8 +167,9 @@ std::optional<Refusal> refuse_page(const Request& request, const Admission& admi
     return Refusal{405, "only GET and HEAD are supported"};
   }
   // Scripts and styles are public; data is not.
-  const bool is_page = request.path == "/" || request.path == "/index.html";
-  if (is_page && !admission.token.empty() && !is_same_secret(request.token, admission.token)) {
+  const bool is_secret = request.path == "/" || request.path == "/index.html" ||
+                         request.path.starts_with(recording_path);
+  if (is_secret && !admission.token.empty() && !is_same_secret(request.token, admission.token)) {
     return Refusal{403, token_words};
   }
   return std::nullopt;

@@ -77,7 +77,11 @@ bool is_same_secret(std::string_view given, std::string_view expected);
 /// True for a valid token: letters, digits and -._~, which need no escaping in a URL.
 bool is_token(std::string_view word);
 
-/// For the page and its files: GET or HEAD, from an allowed host; the page itself with the token.
+/// Path of a recording's summary; its pieces are below it.
+inline constexpr std::string_view recording_path = "/recording";
+
+/// For the page and its files: GET or HEAD, from an allowed host; the page itself and recordings
+/// with the token.
 std::optional<Refusal> refuse_page(const Request& request, const Admission& admission);
 
 /// For the stream: GET /stream, allowed host and origin, with the token.

@@ -36,6 +36,9 @@ class Sources {
   /// To be called about every 0.1 s.
   void tick(Clock::time_point now);
 
+  /// Name of the rig that such a page sees; empty until it is known.
+  const std::string& rig(std::string_view wanted) const { return shown_for(wanted).feed->rig(); }
+
   /// The first messages for a page that wants this source.
   std::vector<SharedMessage> greeting(std::string_view wanted, Clock::time_point now) const;
 

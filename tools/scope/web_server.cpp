@@ -12,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <exception>
 #include <string>
 #include <unordered_map>
@@ -30,6 +29,7 @@ static_assert(Message::headroom >= LWS_PRE);
 
 // Data in the kernel buffer of a slow reader is as stale as data queued here.
 constexpr int send_buffer_bytes = 128 * 1024;
+constexpr std::size_t most_heard_bytes = 2048;
 constexpr std::size_t file_piece_bytes = 16 * 1024;
 // Connections accepted, or messages written, per turn.
 constexpr int max_at_once = 64;
@@ -60,6 +60,9 @@ class WebServer::Loop {
   void watch(int file, std::function<void()> readable);
   void every_tick(std::function<void()> tick) { tick_ = std::move(tick); }
   void send(const SharedMessage& message, const Wants& wants);
+  void send_to(StreamId stream, const SharedMessage& message);
+  void on_text(OnText take) { on_text_ = std::move(take); }
+  void provide(Provide provide) { provide_ = std::move(provide); }
   void run();
   void stop() { stopping_ = true; }
   std::size_t streams() const { return connections_.streams(); }
@@ -69,7 +72,7 @@ class WebServer::Loop {
   static int on_event(lws* wsi, lws_callback_reasons reason, void* user, void* in,
                       std::size_t size);
   static void on_tick(lws_sorted_usec_list_t* timer);
-  int handle(lws* wsi, lws_callback_reasons reason, void* in);
+  int handle(lws* wsi, lws_callback_reasons reason, std::string_view in);
 
   void accept_all();
   bool make_room(const std::string& peer);
@@ -80,10 +83,11 @@ class WebServer::Loop {
   Answer answer_to(const ReceivedRequest& request);
   int begin_answer(lws* wsi, Connection& connection, Answer answer, bool with_body);
   int go_on_answering(lws* wsi, Connection& connection);
-  int confirm_upgrade(lws* wsi, const char* to);
-  std::optional<Refusal> refuse_upgrade(lws* wsi, const char* to);
+  int confirm_upgrade(lws* wsi, std::string_view to);
+  std::optional<Refusal> refuse_upgrade(lws* wsi, std::string_view to);
   void open_stream(lws* wsi);
   int write_stream(lws* wsi, Connection& connection);
+  int take_data(lws* wsi, std::string_view piece);
   int refuse_data(lws* wsi);
   void check_time_limits();
   void remove_connection(lws* wsi);
@@ -109,6 +113,9 @@ class WebServer::Loop {
   Connections connections_;
   std::unordered_map<lws*, std::function<void()>> watched_;
   std::function<void()> tick_;
+  OnText on_text_;  // empty: streams are send-only
+  Provide provide_;
+  StreamId latest_stream_ = 0;
   ServerCounts counts_;
   bool stopping_ = false;
   std::exception_ptr failure_;
@@ -182,12 +189,22 @@ void WebServer::Loop::run() {
   if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
 }
 
-int WebServer::Loop::on_event(lws* wsi, lws_callback_reasons reason, void*, void* in, std::size_t) {
+int WebServer::Loop::on_event(lws* wsi, lws_callback_reasons reason, void*, void* in,
+                              std::size_t size) {
   lws_context* context = wsi == nullptr ? nullptr : lws_get_context(wsi);
   Loop* loop = context == nullptr ? nullptr : static_cast<Loop*>(lws_context_user(context));
   if (loop == nullptr) return 0;
   try {
-    return loop->handle(wsi, reason, in);
+    const auto* const text = static_cast<const char*>(in);
+    if (text == nullptr) return loop->handle(wsi, reason, "");
+    switch (reason) {
+      case LWS_CALLBACK_RECEIVE:
+        return loop->handle(wsi, reason, {text, size});
+      case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
+        return loop->handle(wsi, reason, text);
+      default:
+        return loop->handle(wsi, reason, "");
+    }
   } catch (...) {  // C code called this
     if (!loop->failure_) loop->failure_ = std::current_exception();
     return -1;
@@ -204,7 +221,7 @@ void WebServer::Loop::on_tick(lws_sorted_usec_list_t* list) {
   lws_sul_schedule(loop.context_, 0, list, &Loop::on_tick, tick_us);
 }
 
-int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
+int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, std::string_view in) {
   switch (reason) {
     case LWS_CALLBACK_RAW_RX_FILE: {
       const auto found = watched_.find(wsi);
@@ -220,7 +237,7 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
       return connection == nullptr ? -1 : go_on_answering(wsi, *connection);
     }
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-      return confirm_upgrade(wsi, static_cast<const char*>(in));
+      return confirm_upgrade(wsi, in);
     case LWS_CALLBACK_ESTABLISHED:
       open_stream(wsi);
       return 0;
@@ -229,7 +246,7 @@ int WebServer::Loop::handle(lws* wsi, lws_callback_reasons reason, void* in) {
       return connection == nullptr ? -1 : write_stream(wsi, *connection);
     }
     case LWS_CALLBACK_RECEIVE:
-      return refuse_data(wsi);
+      return take_data(wsi, in);
     case LWS_CALLBACK_WSI_DESTROY:
       remove_connection(wsi);
       return 0;
@@ -304,7 +321,15 @@ int WebServer::Loop::answer_request(lws* wsi) {
 
 Answer WebServer::Loop::answer_to(const ReceivedRequest& request) {
   const auto refusal = refuse_page(request.view(), admission_);
-  Answer answer = refusal ? answer_for(*refusal) : files_.answer_to(request);
+  Answer answer;
+  if (refusal) {
+    answer = answer_for(*refusal);
+  } else if (auto content = provide_ ? provide_(request.path) : std::nullopt) {
+    answer.content_type = content->content_type;
+    answer.body = std::move(content->body);
+  } else {
+    answer = files_.answer_to(request);
+  }
   if (answer.status >= 400) ++counts_.refused;
   return answer;
 }
@@ -342,9 +367,9 @@ int WebServer::Loop::go_on_answering(lws* wsi, Connection& connection) {
 
 // The stream -----------------------------------------------------------------------------------
 
-std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, const char* to) {
+std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, std::string_view to) {
   const Connection* connection = connections_.find(wsi);
-  if (connection == nullptr || to == nullptr || std::strcmp(to, "websocket") != 0) {
+  if (connection == nullptr || to != "websocket") {
     return Refusal{400, "a WebSocket is required"};
   }
   const ReceivedRequest request(wsi);
@@ -359,7 +384,7 @@ std::optional<Refusal> WebServer::Loop::refuse_upgrade(lws* wsi, const char* to)
   return std::nullopt;
 }
 
-int WebServer::Loop::confirm_upgrade(lws* wsi, const char* to) {
+int WebServer::Loop::confirm_upgrade(lws* wsi, std::string_view to) {
   const auto refusal = refuse_upgrade(wsi, to);
   if (!refusal) return 0;
   ++counts_.refused;
@@ -372,6 +397,7 @@ void WebServer::Loop::open_stream(lws* wsi) {
   if (connection == nullptr) return;
   connection->enter(Stage::streaming, Clock::now());
   ++counts_.streams_opened;
+  connection->stream = ++latest_stream_;
   connection->wanted = ReceivedRequest(wsi).source;
   connection->backlog.greet(greeting_(connection->wanted));
   lws_callback_on_writable(wsi);
@@ -394,6 +420,15 @@ void WebServer::Loop::send(const SharedMessage& message, const Wants& wants) {
   }
 }
 
+void WebServer::Loop::send_to(StreamId stream, const SharedMessage& message) {
+  for (auto& [wsi, connection] : connections_) {
+    if (connection.stage != Stage::streaming || connection.stream != stream) continue;
+    if (!connection.backlog.add(message, Clock::now())) return shed(wsi);
+    lws_callback_on_writable(wsi);
+    return;
+  }
+}
+
 int WebServer::Loop::write_stream(lws* wsi, Connection& connection) {
   for (int i = 0; i < max_at_once; ++i) {
     if (lws_send_pipe_choked(wsi) != 0) break;
@@ -409,9 +444,22 @@ int WebServer::Loop::write_stream(lws* wsi, Connection& connection) {
   return 0;
 }
 
+// In pieces, as they arrive.
+int WebServer::Loop::take_data(lws* wsi, std::string_view piece) {
+  Connection* const connection = connections_.find(wsi);
+  if (connection == nullptr || !on_text_ || lws_frame_is_binary(wsi) != 0 ||
+      connection->heard.size() + piece.size() > most_heard_bytes) {
+    return refuse_data(wsi);
+  }
+  connection->heard += piece;
+  if (lws_remaining_packet_payload(wsi) > 0 || lws_is_final_fragment(wsi) == 0) return 0;
+  const std::string text = std::exchange(connection->heard, {});
+  return on_text_(connection->stream, connection->wanted, text) ? 0 : refuse_data(wsi);
+}
+
 int WebServer::Loop::refuse_data(lws* wsi) {
   ++counts_.talkative;
-  std::string reason = "this stream only sends";
+  std::string reason = on_text_ ? "not a note" : "this stream only sends";
   lws_close_reason(wsi, LWS_CLOSE_STATUS_POLICY_VIOLATION,
                    reinterpret_cast<unsigned char*>(reason.data()), reason.size());
   return -1;
@@ -438,6 +486,11 @@ void WebServer::every_tick(std::function<void()> tick) { loop_->every_tick(std::
 void WebServer::send(const SharedMessage& message, const Wants& wants) {
   loop_->send(message, wants);
 }
+void WebServer::send_to(StreamId stream, const SharedMessage& message) {
+  loop_->send_to(stream, message);
+}
+void WebServer::on_text(OnText take) { loop_->on_text(std::move(take)); }
+void WebServer::provide(Provide provide) { loop_->provide(std::move(provide)); }
 void WebServer::run() { loop_->run(); }
 void WebServer::stop() { loop_->stop(); }
 std::size_t WebServer::streams() const { return loop_->streams(); }

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -39,13 +41,24 @@ struct ServerCounts {
   std::uint64_t messages_lost = 0;     ///< by all slow streams
 };
 
-/// One thread, one event loop: `run` waits for requests and watched files. Streams are send-only:
-/// data from a client closes its stream.
+/// One thread, one event loop: `run` waits for requests and watched files. Streams are send-only
+/// unless `on_text` is set: data from a client closes its stream.
 class WebServer {
  public:
   /// `wanted`: the source that a page names in the address of its stream; may be empty.
   using Greeting = std::function<std::vector<SharedMessage>(std::string_view wanted)>;
   using Wants = std::function<bool(std::string_view wanted)>;
+  /// A stream, by a number that is not used again.
+  using StreamId = std::uint64_t;
+  /// A text from a page that sees the source `wanted`; false closes its stream.
+  using OnText =
+      std::function<bool(StreamId stream, std::string_view wanted, std::string_view text)>;
+  struct Content {
+    std::string_view content_type;
+    std::string body;
+  };
+  /// Content besides the page's files; none for a path without.
+  using Provide = std::function<std::optional<Content>(std::string_view path)>;
 
   /// `greeting` yields the first messages of a new stream. `listener` must outlive this object.
   /// Throws Failure if libwebsockets cannot start.
@@ -66,6 +79,13 @@ class WebServer {
   void send(const SharedMessage& message) {
     send(message, [](std::string_view) { return true; });
   }
+
+  /// Sends to one stream, if it is still open.
+  void send_to(StreamId stream, const SharedMessage& message);
+
+  /// Accepts texts of up to 2 KB from pages.
+  void on_text(OnText take);
+  void provide(Provide provide);
 
   /// Serves until `stop`. Rethrows exceptions of callbacks.
   void run();

@@ -92,12 +92,26 @@ Message encode_frames(std::span<const Frame> frames, const BlockNotes& notes) {
   return message;
 }
 
-Message encode_hello(const std::string& version, double history_s, const std::string& url) {
+Message encode_hello(const Greeting& greeting) {
   return text_message({{"type", "hello"},
-                       {"version", version},
+                       {"version", greeting.version},
                        {"program", "stickslip scope"},
-                       {"history_s", history_s},
-                       {"url", url}},
+                       {"history_s", greeting.history_s},
+                       {"url", greeting.url},
+                       {"notes", greeting.notes},
+                       {"recording", greeting.recording}},
+                      Keep::always);
+}
+
+std::optional<std::string> decode_note(std::string_view text) {
+  const json message = json::parse(text, nullptr, false);
+  const auto note = message.find("note");
+  if (!message.is_object() || note == message.end() || !note->is_string()) return std::nullopt;
+  return note->get<std::string>();
+}
+
+Message encode_note_answer(const std::string& refusal) {
+  return text_message({{"type", "note"}, {"taken", refusal.empty()}, {"refusal", refusal}},
                       Keep::always);
 }
 

@@ -13,6 +13,7 @@
 #include <stickslip/status_t.hpp>
 #include <stickslip/timing_t.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "physics/frame.h"
@@ -38,8 +39,20 @@ inline constexpr std::size_t frame_bytes = 8 * (2 + channel_count);
 /// with NaN for values that were not measured.
 Message encode_frames(std::span<const Frame> frames, const BlockNotes& notes);
 
-/// The first message to each page. `history_s`: length of the history that follows.
-Message encode_hello(const std::string& version, double history_s, const std::string& url);
+/// The first message to each page: this server and its abilities.
+struct Greeting {
+  std::string version = {};
+  double history_s = 0.0;  ///< length of the history that follows
+  std::string url = {};    ///< of LCM
+  bool notes = false;      ///< notes are taken
+  bool recording = false;  ///< a recording is shown, which the page asks for
+};
+Message encode_hello(const Greeting& greeting);
+
+/// The text of a note from a page, {"note": TEXT}; nothing if it is not one.
+std::optional<std::string> decode_note(std::string_view text);
+/// The answer to it. `refusal`: why it was not taken; empty if it was.
+Message encode_note_answer(const std::string& refusal);
 
 /// A known frequency of the rig, marked in spectra.
 struct Mark {

@@ -186,7 +186,8 @@ const std::set<std::string> texts = {
     "--effect", "--only",     "--explain",      "--socket",    "KEY",        "VALUE",
     "--listen", "--token",    "--allow-origin", "--host-name", "names",      "ID",
     "--unit",   "--snr",      "--model-name",   "--mass",      "--spring",   "--damping",
-    "--load",   "--friction", "--sensors",      "--load-cell", "--hold-out", "--at"};
+    "--load",   "--friction", "--sensors",      "--load-cell", "--hold-out", "--at",
+    "TEXT"};
 
 TEST(Commands, DeclareEveryOptionThatNamesAFile) {
   const Parser parser;

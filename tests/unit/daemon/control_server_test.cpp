@@ -124,6 +124,14 @@ class ControlTest : public testing::Test {
                         },
                         .was_set = [this](const Setting& setting) { latest_setting = setting; },
                         .describe = [this] { return description_of(rig); },
+                        .note =
+                            [this](const std::string& text, const std::string& about) {
+                              if (about == "another rig") {
+                                throw InputError(Problem{"", 0, 0, "the note is about another"});
+                              }
+                              notes.push_back(note_event(text, 42, 7));
+                              return notes.back();
+                            },
                         .reload = [] { return std::vector<std::string>{"nothing"}; },
                         .propose_model = [this](ModelFile file) { return propose(file); },
                         .model_answered =
@@ -188,6 +196,7 @@ class ControlTest : public testing::Test {
   Observer observer{config::load_model(STICKSLIP_SOURCE_DIR "/config/models/simulated.toml"), 1e-3};
   std::vector<ModelFile> proposed;
   std::vector<Answer> model_answers;
+  std::vector<Event> notes;
   config::Rig rig;
   DriveChange drive_change;
 };
@@ -437,6 +446,30 @@ TEST_F(ControlTest, TheConfiguredDriveReturnsWhenTheClientOfAnotherLeaves) {
   ask(other, {{"do", "clear"}});
   run(5);
   EXPECT_EQ(rig.excitation.kind, shaking().kind);
+}
+
+TEST_F(ControlTest, ANoteIsOneLineAboutThisRig) {
+  open();
+  Client client(settings.path);
+  const json answer = ask(client, {{"do", "note"}, {"text", "weights: 450 g, \u00b5 lower"}});
+  EXPECT_EQ(answer["ok"], true);
+  EXPECT_EQ(answer["time_ns"], 42);
+  EXPECT_EQ(answer["sequence"], 7);
+  EXPECT_EQ(ask(client, {{"do", "note"}, {"text", "a"}, {"rig", "this rig"}})["ok"], true);
+  ASSERT_EQ(notes.size(), 2U);
+  EXPECT_EQ(notes[0].code, "note");
+  EXPECT_EQ(notes[0].message, "weights: 450 g, \u00b5 lower");
+  EXPECT_EQ(notes[0].severity, Severity::info);
+  for (const json& wrong : {json{}, json{{"text", ""}}, json{{"text", "  "}}, json{{"text", 3}},
+                            json{{"text", "two\nlines"}}, json{{"text", std::string(501, 'x')}},
+                            json{{"text", "a"}, {"rig", "another rig"}}}) {
+    json request = wrong;
+    request["do"] = "note";
+    const json refused = ask(client, request);
+    EXPECT_EQ(refused["ok"], false) << wrong;
+    EXPECT_FALSE(refused["error"].get<std::string>().empty());
+  }
+  EXPECT_EQ(notes.size(), 2U);
 }
 
 TEST_F(ControlTest, AveragesRawReadings) {

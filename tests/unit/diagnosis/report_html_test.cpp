@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "diagnosis/report/formatting.h"
+#include "diagnosis/report/headline.h"
 #include "diagnosis/report/json.h"
 #include "diagnosis/report/plot_svg.h"
 #include "diagnosis/report/text.h"
@@ -45,7 +46,9 @@ Evidence small_evidence() {
                        .drive_amplitude = 0.005,
                        .before = 10.0,
                        .after = 1.1}};
-  evidence.stretch = {.first = 0, .count = 2, .before = 9.5, .typical = 9.0};
+  evidence.worst = {.first = 0, .count = 2, .before = 9.5};
+  evidence.typical = {.first = 0, .count = 1, .before = 9.0};
+  evidence.median = 9.0;
   ChannelEvidence channel;
   channel.sigma = 1.0e-5;
   channel.window_before = {9.0, 10.0};
@@ -56,8 +59,9 @@ Evidence small_evidence() {
   channel.phase_deg = {90.0, 180.0, 270.0};
   channel.phase_before = {3.0, 2.0, 3.0};
   channel.phase_after = {1.0, 1.0, 1.0};
-  channel.time_s = {0.0, 0.1, 0.2};
-  channel.recorded = channel.before = channel.after = {0.0, 0.001, 0.0};
+  channel.worst.time_s = {0.0, 0.1, 0.2};
+  channel.worst.recorded = channel.worst.before = channel.worst.after = {0.0, 0.001, 0.0};
+  channel.typical = channel.worst;
   evidence.channels.push_back(channel);
   evidence.map.displacement_m = 0.01;
   evidence.map.velocity_m_s = 0.1;
@@ -213,7 +217,8 @@ TEST(ReportHtml, HasFindingsConfidenceAndReproduction) {
         "stepped amplitudes", "force against +x over displacement", "Phase space", "seed 42",
         "1.2.3", "abc123", "at displacements from 0.01 to 0.02 m", "a clipped channel",
         "oscillator.mass_kg", "0.06060 to 0.06180", "95 % interval", "Operating condition",
-        "By phase of the excitation", "Channel by time", "is 9.50 times that of the noise"}) {
+        "By phase of the excitation", "Channel by time",
+        "in which the declared model fits worst"}) {
     EXPECT_THAT(page, HasSubstr(part));
   }
 }
@@ -304,6 +309,144 @@ TEST(ReportHtml, IsWellFormedForEveryAnswer) {
   for (const Diagnosis& d : {consistent(), confident(), ambiguous(), unexplained(), Diagnosis()}) {
     EXPECT_EQ(markup_error(report_html(d, provenance())), "");
   }
+}
+
+TEST(ReportHtml, TheHeadlineFollowsChiSquared) {
+  Diagnosis d = confident();
+  EXPECT_EQ(answer_of(d), Answer::named);
+  d.baseline.chi2_per_sample = 9940.0;
+  d.augmented->chi2_per_sample = 495.0;
+  EXPECT_EQ(answer_of(d), Answer::partial);
+  const std::string first = first_screen_of(report_html(d, provenance()));
+  EXPECT_THAT(first, HasSubstr("not all of it identified"));
+  EXPECT_THAT(first, HasSubstr("Most of the mismatch is explained, not all"));
+  EXPECT_THAT(headline_of(d), HasSubstr("9940"));
+  EXPECT_THAT(headline_of(d), HasSubstr("495"));
+  EXPECT_THAT(report_text(d), HasSubstr("Most of the mismatch is explained, not all."));
+}
+
+TEST(ReportHtml, TwoExplanationsAreOneSentenceWithOr) {
+  Diagnosis d = ambiguous();
+  EXPECT_THAT(headline_of(d), HasSubstr("most likely")) << "70 % and 30 %";
+  d.findings.front().probability = 0.5;
+  d.findings.front().alternatives.front().probability = 0.5;
+  EXPECT_THAT(headline_of(d), HasSubstr("(50\u00a0%) or "));
+  EXPECT_THAT(headline_of(d), Not(HasSubstr("most likely")));
+  EXPECT_THAT(first_screen_of(report_html(d, provenance())), Not(HasSubstr("Also possible")));
+}
+
+TEST(ReportHtml, AGainWithinItsStandardErrorIsNotSignificant) {
+  Diagnosis d = confident();
+  EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("not significant")));
+  d.trials.front().gain_z = 0.35;
+  const std::string page = report_html(d, provenance());
+  EXPECT_THAT(first_screen_of(page), HasSubstr("0.35 standard errors over the 9 windows"));
+  EXPECT_THAT(first_screen_of(page), HasSubstr("is not significant"));
+  EXPECT_THAT(first_screen_of(page), Not(HasSubstr("improves the prediction")));
+  EXPECT_THAT(page, HasSubstr("0.35, not significant"));
+}
+
+TEST(ReportHtml, AChiSquaredFarBelow1SaysThatTheNoiseWasTooLarge) {
+  Diagnosis d = consistent();
+  EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("far below 1")));
+  d.baseline.chi2_per_sample = 0.31;
+  EXPECT_THAT(first_screen_of(report_html(d, provenance())), HasSubstr("was declared too large"));
+  d.noise_estimated = {Channel::displacement};
+  EXPECT_THAT(first_screen_of(report_html(d, provenance())), HasSubstr("was estimated too large"));
+  EXPECT_THAT(report_text(d), HasSubstr("was estimated too large"));
+}
+
+TEST(ReportHtml, NumbersOfSentencesStandInTables) {
+  Diagnosis d = confident();
+  d.findings.front().gain = {812.0, 33.0};
+  d.findings.front().chi2_before = 8.75;
+  d.false_alarms = FalseAlarms{40, 3, {0.91, 1.13}};
+  d.noise_level = {{Channel::displacement, 1.37}};
+  const std::string page = report_html(d, provenance());
+  for (const char* cells : {"<th scope=\"row\">gain [nat]</th><td></td><td>812 \u00b1 33.0</td>",
+                            "<th scope=\"row\">chi-squared per sample</th><td>8.75</td>",
+                            "<th scope=\"row\">synthetic recordings</th><td>40</td>",
+                            "<th scope=\"row\">false alarms</th><td>3</td>", "<td>1.37</td>",
+                            "<th scope=\"row\">worst, shown</th><td>9.50</td>",
+                            "<th scope=\"row\">typical, shown</th><td>9.00</td>"}) {
+    EXPECT_THAT(page, HasSubstr(cells));
+  }
+}
+
+TEST(ReportHtml, PicturesOfAPeriodicDriveNeedOne) {
+  Diagnosis d = confident();
+  EXPECT_THAT(report_html(d, provenance()),
+              AllOf(HasSubstr("By phase of the excitation"), HasSubstr("By operating condition")));
+  // From point to point: no window has the frequency of its neighbour.
+  d.evidence->windows[1].drive_hz = 11.0;
+  const std::string page = report_html(d, provenance());
+  EXPECT_THAT(page, AllOf(Not(HasSubstr("phase of the excitation")),
+                          Not(HasSubstr("perating condition")), HasSubstr("By frequency")));
+  EXPECT_EQ(markup_error(page), "");
+  d.evidence->map.velocity_m_s = 1.0e-12;
+  EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("phase space, declared")));
+}
+
+TEST(ReportHtml, TheNoiseBandIsSeenBesideALargeResidual) {
+  Diagnosis d = confident();
+  for (double& each : d.evidence->channels.front().worst.before) each += 0.5;  // 50000 noises
+  const std::string page = report_html(d, provenance());
+  const std::regex area(
+      "<path class=\"area s0\" d=\"M[0-9.]+ ([0-9.]+)L[0-9.]+ ([0-9.]+)"
+      "L[0-9.]+ ([0-9.]+)");
+  std::smatch found;
+  ASSERT_TRUE(std::regex_search(page, found, area));
+  EXPECT_GT(std::abs(std::stod(found[1]) - std::stod(found[3])), 20.0) << "pixels";
+  EXPECT_THAT(page, HasSubstr("logarithmic beyond the band"));
+}
+
+TEST(ReportHtml, AFrictionFindingShowsTheLawOverVelocityAndDisplacementWithTheData) {
+  Diagnosis d = confident();
+  EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("Friction over")));
+  FrictionPicture friction;
+  friction.recorded = {{-0.01, 0.0, 0.01}, {0.1, 0.0, -0.1}, {1.0, 0.2, -1.0}};
+  friction.declared = {{-0.01, 0.0, 0.01}, {-0.1, 0.0, 0.1}, {-0.9, 0.0, 0.9}};
+  friction.mended = {{-0.01, 0.0, 0.01}, {-0.1, 0.0, 0.1}, {-1.0, 0.0, 1.0}};
+  friction.low_n = {-1.1, -0.1, 0.9};
+  friction.high_n = {-0.9, 0.1, 1.1};
+  d.friction = friction;
+  const std::string page = report_html(d, provenance());
+  EXPECT_EQ(markup_error(page), "");
+  for (const char* words : {"Friction over velocity", "Friction over displacement",
+                            "class=\"points s0\"", "class=\"area s2\"", ">declared<", ">mended<"}) {
+    EXPECT_THAT(page, HasSubstr(words));
+  }
+}
+
+TEST(Stretches, TheWorstHasTheWorstWindowAndTheTypicalAMedianOne) {
+  Evidence evidence;
+  const auto add = [&](double begin_s, double before, bool reported = true) {
+    evidence.windows.push_back(
+        {.begin_s = begin_s, .end_s = begin_s + 1.0, .reported = reported, .before = before});
+  };
+  for (const double each : {4.0, 5.0, 4.0}) add(static_cast<double>(evidence.windows.size()), each);
+  add(3.0, 100.0, false);
+  add(4.0, 60.0);  // alone
+  add(5.0, 2.0, false);
+  add(6.0, 3.0);
+  choose_stretches(evidence);
+  EXPECT_EQ(evidence.worst.first, 4U);
+  EXPECT_EQ(evidence.worst.count, 1U);
+  EXPECT_EQ(evidence.worst.before, 60.0);
+  EXPECT_EQ(evidence.median, 4.0);
+  EXPECT_EQ(evidence.typical.first, 0U);
+  EXPECT_EQ(evidence.typical.count, 3U);
+  // Neighbours in both would be shown twice.
+  evidence.windows.resize(3);
+  choose_stretches(evidence);
+  EXPECT_EQ(evidence.worst.first, 1U);
+  EXPECT_EQ(evidence.worst.count, 1U);
+  EXPECT_EQ(evidence.typical.count, 1U);
+  EXPECT_NE(evidence.typical.first, 1U);
+  evidence.windows.resize(1);
+  choose_stretches(evidence);
+  EXPECT_EQ(evidence.worst.count, 1U);
+  EXPECT_EQ(evidence.typical.count, 0U);
 }
 
 TEST(ReportHtml, SeparatesTheFormulaFromTheFitAndSaysWhatScoresBetter) {

@@ -47,6 +47,18 @@ TEST(Csv, ReadsColumnsInAnyOrderWithCommentsBlankLinesAndCarriageReturns) {
   EXPECT_EQ(recording.channels, 0b11);
 }
 
+TEST(Csv, DerivedColumnsAreLeftOut) {
+  const Recording recording = parse_csv(
+      "derived_coefficient,time_s,velocity_m_s,derived_expression\n"
+      "0.3,0.001,-2.5,words\n,0.002,1,\n",
+      "export");
+  ASSERT_EQ(recording.frames.size(), 2U);
+  EXPECT_EQ(recording.frames[0][Channel::velocity], -2.5);
+  EXPECT_EQ(recording.frames[1][Channel::velocity], 1.0);
+  EXPECT_EQ(recording.channels, 0b10);
+  EXPECT_THROW(parse_csv("time_s,derived_coefficient\n1,0.3\n", "export"), InputError);
+}
+
 TEST(Csv, TimeIsReadAsDecimalAndRoundedToTheNanosecond) {
   EXPECT_EQ(time_of("0"), 0);
   EXPECT_EQ(time_of("-0.5"), -500'000'000);

@@ -79,6 +79,19 @@ TEST_F(LiveFeedTest, SendsABlockImmediately) {
   EXPECT_EQ(block.sequence.size(), 10U);
 }
 
+TEST_F(LiveFeedTest, ANewPageReceivesTheNotesOfTheRun) {
+  frames(frames_from(1, 10));
+  event_t note = event_of("note");
+  note.message = "weights changed";
+  take(protocol::event_channel, note);
+  take(protocol::event_channel, event_of("overrun"));
+  const auto greeting = feed.greeting(now);
+  ASSERT_EQ(types_of(greeting), (Types{"hello", "source", "frames", "event", "alive"}));
+  EXPECT_EQ(read_json(*greeting[3])["message"], "weights changed");
+  frames(frames_from(1, 10));  // the daemon was restarted
+  EXPECT_EQ(types_of(feed.greeting(now)), (Types{"hello", "source", "frames", "alive"}));
+}
+
 TEST_F(LiveFeedTest, ReportsSilenceAndItsEndOnce) {
   frames(frames_from(1, 10));
   types();

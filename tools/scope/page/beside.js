@@ -26,9 +26,9 @@ export class Beside {
   }
 
   draw(now_ms) {
-    const { paused, live } = this.app;
-    this.element.hidden = !paused;
-    const lane = paused ? this.#lane() : undefined;
+    const { paused, live, replay } = this.app;
+    this.element.hidden = !paused || replay.active;
+    const lane = paused && !replay.active ? this.#lane() : undefined;
     if (!lane || live.frames.empty) return;
     if (lane !== this.lane) this.limits.reset();
     this.lane = lane;

@@ -2,9 +2,13 @@
 // The window that is seen as a file: frames as CSV, which the tools read, or its picture.
 
 import { byId, setText } from "./elements.js";
-import { channels, fixed } from "./units.js";
+import { fixed, measuredCount } from "./units.js";
 
-const columns = ["displacement_m", "velocity_m_s", "friction_force_n", "normal_load_n", "base_displacement_m", "drive_force_n"];
+// In SI units. Readers of recordings leave out those that begin with derived_.
+const columns = [
+  "displacement_m", "velocity_m_s", "friction_force_n", "normal_load_n", "base_displacement_m", "drive_force_n",
+  "derived_coefficient", "derived_power_w", "derived_expression",
+];
 
 // A time [ns] in seconds, exactly.
 function seconds(time_ns) {
@@ -46,9 +50,12 @@ export class Export {
     const from = frames.rowAt(scope.left_ns);
     const to = frames.rowAt(scope.left_ns + scope.span_ns + 1, from);
     if (from === to) { this.app.say("There is nothing to export."); return; }
-    const measured = columns.map((name, channel) => ({ name, data: frames.values[channel] }))
+    const shown = scope.shownLanes().map(({ index }) => index);
+    const measured = columns.map((name, channel) => ({ name, channel, data: frames.values[channel] }))
+      .filter(({ channel }) => channel < measuredCount || shown.includes(channel))
       .filter(({ data }) => { for (let row = from; row < to; ++row) if (!Number.isNaN(data[row & frames.mask])) return true; return false; });
-    const lines = [this.#title(), ...this.#cursors()].map((line) => `# ${line}`);
+    const expression = measured.some(({ name }) => name === "derived_expression") ? [`derived_expression = ${scope.expression.text}`] : [];
+    const lines = [this.#title(), ...this.#cursors(), ...expression].map((line) => `# ${line}`);
     lines.push(["time_s", ...measured.map(({ name }) => name)].join(","));
     for (let row = from; row < to; ++row) {
       lines.push([seconds(frames.deviceTime(row)), ...measured.map(({ data }) => cell(data[row & frames.mask]))].join(","));

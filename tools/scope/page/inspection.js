@@ -20,6 +20,7 @@ export function expose(app) {
         },
         cursors: scope.cursorsOn ? [scope.cursorTime_ns(0), scope.cursorTime_ns(1)] : null,
         beeps: scope.alarms.beeper.beeps, section_deg: app.portraits.phase_deg,
+        replay: app.replay.active ? { position_ns: app.replay.position_ns, length_ns: app.replay.length_ns, filling: app.replay.filling, pieces: app.replay.pieces.count, columns: app.replay.columns, marks: app.replay.marks } : null,
         visible: scope.lanes.filter((lane) => lane.visible).map((lane) => lane.channel.key),
       };
     },

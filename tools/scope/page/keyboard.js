@@ -40,6 +40,7 @@ function table(app) {
     [["x"], "X", "export the window, with cursor values, as CSV", () => app.export.csv()],
     [["i"], "I", "the same as a picture (PNG)", () => app.export.png()],
     [["d"], "D", "device time or UTC", () => app.toggleClock()],
+    [["w"], "W", "write a note, where the server takes them", () => app.notes.focus()],
     [["u"], "U", "units: mm or m", () => app.toggleUnits()],
     [["l"], "L", "theme: system, light, dark", () => app.theme.next()],
     [["b"], "B", "large text, for a projector", () => app.theme.toggleLarge()],

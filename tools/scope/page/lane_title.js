@@ -57,4 +57,5 @@ export function drawTitle(axes, members, scope) {
   }
   leader.numbers = numbersOf(leader, units).filter((words) => write(words, theme.font, theme.colours.quiet));
   axes.font = theme.font;
+  leader.taken = [[gutter, x]]; // of the strip
 }

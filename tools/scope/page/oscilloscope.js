@@ -49,12 +49,14 @@ export class Oscilloscope {
     this.expression = new ExpressionField(this.app, this.lanes.at(-1), this.kept.expression);
     this.ready = true;
     this.layout();
+    if (this.kept.cursors) this.#placeCursors(this.kept.cursors);
   }
 
   // From the address, or as it was last in this browser.
   #restore() {
     this.address = new ViewAddress(this.app.settings);
     const view = this.address.read();
+    if (view.units) this.app.units.system = view.units;
     if (view.span_s >= shortest_s && view.span_s <= longest_s) this.span_s = view.span_s;
     // At first, all that are measured.
     const usual = ({ index, channel }) => index < measuredCount || (channel.key === "expression" && view.expression !== "");
@@ -65,7 +67,13 @@ export class Oscilloscope {
       own.set(...scale.map((value) => value * this.#factor(this.lanes[index])));
       own.manual = true;
     }
+    if (view.trigger) this.trigger.set(view.trigger, 0);
     this.kept = view; // for what is built later
+  }
+
+  #placeCursors(parts) {
+    this.cursors.forEach((cursor, i) => { cursor.part = parts[i]; });
+    this.toggleCursors(true);
   }
 
   // Keeps the view after a change by the user.
@@ -79,6 +87,9 @@ export class Oscilloscope {
       scales: lanes.filter(({ own }) => own.manual && own.known).map((lane) => [lane.index, lane.own.low / this.#factor(lane), lane.own.high / this.#factor(lane)]),
       limits: this.alarms.list(),
       expression: this.expression.text,
+      trigger: this.trigger.mode === "roll" ? null : this.trigger,
+      units: this.app.units.system,
+      cursors: this.cursorsOn ? this.cursors.map(({ part }) => part) : null,
     });
   }
 
@@ -287,8 +298,9 @@ export class Oscilloscope {
       for (const time_ns of at) {
         const x = this.gutter + ((time_ns - Number(origin) - this.left_ns) / this.span_ns) * this.plotWidth;
         if (!(x >= this.gutter && x <= this.gutter + this.plotWidth)) continue;
-        this.markers.push({ x, code: event.code });
-        axes.strokeStyle = axes.fillStyle = [colours.quiet, colours.warn, colours.bad][event.severity] ?? colours.quiet;
+        const note = event.code === "note" ? event.message : "";
+        this.markers.push({ x, code: event.code, note });
+        axes.strokeStyle = axes.fillStyle = note ? colours.mark : [colours.quiet, colours.warn, colours.bad][event.severity] ?? colours.quiet;
         axes.setLineDash(event.severity >= 2 ? [] : [1, 3]);
         axes.beginPath();
         axes.moveTo(x, 0);
@@ -300,7 +312,30 @@ export class Oscilloscope {
         axes.lineTo(x + small / 3, this.plotHeight);
         axes.lineTo(x, this.plotHeight - small / 2);
         axes.fill();
+        if (note) this.#drawNote(axes, x, note, colours);
       }
+    }
+  }
+
+  // The beginning of a note beside its marker, in the strip of a lane's title, where no trace is: the first with
+  // room for it.
+  #drawNote(axes, x, note, colours) {
+    const words = note.length > 40 ? `${note.slice(0, 39)}…` : note;
+    const { width } = axes.measureText(words);
+    const right = this.gutter + this.plotWidth;
+    for (const lane of this.lanes) {
+      if (lane.leader !== lane) continue;
+      const side = x + width + 8 < right ? 1 : -1;
+      const left = side > 0 ? x + 4 : x - width - 4;
+      const taken = lane.taken.some(([from, to]) => left < to + 4 && left + width > from - 4);
+      if (taken) continue;
+      lane.taken.push([left, left + width]);
+      axes.textBaseline = "top";
+      axes.textAlign = "left";
+      axes.fillStyle = colours.mark;
+      axes.fillText(words, left, lane.edge + 3);
+      this.markers.at(-1).shown = words;
+      return;
     }
   }
 
@@ -498,7 +533,7 @@ export class Oscilloscope {
     const note = byId("screen-note");
     const { paused, frozenAt, restarted } = this.app;
     const frozen = frozenAt ? `frozen at the fault of ${clockTime(frozenAt.unix_ms)}` : this.trigger.done ? "single shot, paused" : "paused";
-    const text = paused ? frozen + (restarted ? "; the daemon was restarted since" : "")
+    const text = this.app.replay.active ? "" : paused ? frozen + (restarted ? "; the daemon was restarted since" : "")
       : this.trigger.word === "waiting" ? "waiting for the trigger" : this.held ? "triggered" : "";
     note.hidden = text === "";
     setText(note, text);
@@ -552,6 +587,7 @@ export class Oscilloscope {
     byId("cursor-readings").hidden = !on;
     setPressed(byId("cursors"), on);
     if (on) this.#updateCursors(this.app.store.frames);
+    this.keep();
     this.app.touch();
   }
 
@@ -559,6 +595,7 @@ export class Oscilloscope {
     if (!this.cursorsOn) this.toggleCursors(true);
     this.cursors[index].part = Math.min(1, Math.max(0, part));
     this.#updateCursors(this.app.store.frames);
+    this.keep();
     this.app.touch();
   }
 
@@ -676,6 +713,7 @@ export class Oscilloscope {
     this.trigger.set(change, this.app.live.frames.end);
     if (this.app.paused && this.trigger.mode !== "roll") this.app.pause(false);
     this.#showTrigger();
+    this.keep();
     this.app.touch();
   }
 

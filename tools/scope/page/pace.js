@@ -76,6 +76,7 @@ export class Pace {
   words(frames, dropped) {
     if (frames.empty) return "";
     const lag = this.lag.quantile(0.5);
+    if (this.lag.count === 0) return `${number(frames.rate_hz, 4)} Hz · ${Math.round(this.framesPerSecond)} pictures/s`;
     // Larger values are probably a difference between the clocks of server and browser.
     const lagText = !(lag > -5) ? "lag –" : lag < 10000 ? `lag ${number(Math.max(0, lag), 2)} ms` : "lag > 10 s";
     const lost = frames.lost + dropped > 0 ? ` · lost ${frames.lost} frames, ${dropped} messages` : "";

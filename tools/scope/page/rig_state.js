@@ -5,7 +5,7 @@ import { roundStep, eachTick, fitCanvas } from "./axes.js";
 import { Facts, byId, setState, setText, tableRow, watchVisible } from "./elements.js";
 import { Events } from "./events.js";
 import { RecordingState } from "./recording.js";
-import { count, duration, number } from "./units.js";
+import { clockTime, count, duration, number } from "./units.js";
 
 const stateMarks = { faulted: "bad", idle: "unknown", armed: "warn", running: "good", stopping: "warn" };
 const limitNames = ["no", "displacement or force", "velocity", "acceleration", "not a number"];
@@ -62,10 +62,15 @@ export class RigState {
 
   // Another rig is shown.
   clear() {
+    this.events.clear();
+    this.rewind();
+  }
+
+  // Another time of a recording is shown: nothing is known of it yet.
+  rewind() {
     this.status = null;
     this.verdict = null;
     this.logEvent = undefined;
-    this.events.clear();
     this.recording.clear();
     this.#setChip("verdict", "model not judged", "unknown");
     setText(byId("verdict"), "The live model check has not reported yet.");
@@ -166,10 +171,15 @@ export class RigState {
 
   // --- events --------------------------------------------------------------------------------------
 
-  #takeEvent(event) {
+  // Verdicts of the model check, and the state of the log.
+  judge(event) {
     if (event.code === "model_broken" || event.code === "model_follows") this.#takeVerdict(event);
     if (event.code.startsWith("log_") && !(event.utc_us < this.logEvent?.utc_us)) this.logEvent = event;
     if (event.code === "model_explained" || event.code === "model_unexplained") this.#takeExplanation(event);
+  }
+
+  #takeEvent(event) {
+    this.judge(event);
     if (this.events.take(event) && event.severity >= 2) this.app.say(`Error: ${event.message}`);
     this.app.touch();
   }
@@ -188,7 +198,7 @@ export class RigState {
   #takeExplanation(event) {
     if (this.verdict?.code !== "model_broken" || event.utc_us < this.verdict.utc_us) return;
     const line = byId("verdict");
-    setText(line, `✕ ${sentence(event.message)}. First report: ${this.verdict.message}`);
+    setText(line, `✕ ${sentence(event.message)}. First alarm ${clockTime(this.verdict.utc_us / 1e3)}: ${this.verdict.message}`);
   }
 
   // --- histograms of timing ------------------------------------------------------------------------

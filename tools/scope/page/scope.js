@@ -6,8 +6,10 @@ import { byId, fillSelect, setPressed, setState, setText } from "./elements.js";
 import { Estimates } from "./estimates.js";
 import { Export } from "./export.js";
 import { listenToKeys } from "./keyboard.js";
+import { Notes } from "./notes.js";
 import { Oscilloscope } from "./oscilloscope.js";
 import { Portraits } from "./portraits.js";
+import { Replay } from "./replay.js";
 import { RigState } from "./rig_state.js";
 import { Spectrum } from "./spectrum.js";
 import { Store } from "./store.js";
@@ -50,9 +52,17 @@ class App {
     this.estimates = new Estimates(this);
     this.beside = new Beside(this);
     this.export = new Export(this);
+    this.notes = new Notes(this);
+    this.replay = new Replay(this);
     this.stream = new Stream({
-      onFrames: (block) => this.#takeFrames(block),
-      onMessage: (message) => this.#takeMessage(message),
+      onFrames: (block) => {
+        this.watch.heard();
+        this.takeFrames(block);
+      },
+      onMessage: (message) => {
+        this.watch.heard(message.type === "alive" ? message : null);
+        this.takeMessage(message);
+      },
       onLink: (link) => this.#takeLink(link),
     });
     this.#listen();
@@ -108,18 +118,16 @@ class App {
     this.#showLink();
   }
 
-  #takeFrames(block) {
-    this.watch.heard();
+  takeFrames(block) {
     const restarted = this.live.addFrames(block);
     if (restarted) this.#restart();
     this.scope.alarms.follow(this.live.frames, (block.flags & 2) !== 0);
-    if ((block.flags & 2) === 0) this.pace.arrived(block.received_unix_ms);
+    if ((block.flags & 2) === 0 && !this.replay.active) this.pace.arrived(block.received_unix_ms);
     this.degraded = (block.flags & 1) !== 0;
     if (!this.paused) this.changed = true;
   }
 
-  #takeMessage(message) {
-    this.watch.heard(message.type === "alive" ? message : null);
+  takeMessage(message) {
     switch (message.type) {
       case "alive":
         break;
@@ -128,6 +136,11 @@ class App {
         break;
       case "hello":
         this.hello = message;
+        this.notes.allow(message.notes === true);
+        if (message.recording === true) this.replay.open();
+        break;
+      case "note":
+        this.notes.take(message);
         break;
       case "model":
         this.rig.take(message);
@@ -211,7 +224,24 @@ class App {
     const { origin_ns: origin } = this.store.frames;
     if (origin === null || !(event.time_ns > 0)) return;
     this.pause(true);
-    this.scope.moveTo(event.time_ns - Number(origin));
+    this.scope.moveTo(event.time_ns - Number(origin)); // where a recording is read
+  }
+
+  // A recording goes on from another time; its first frame is the origin of time.
+  beginAt(first_ns) {
+    this.live.clear();
+    this.live.frames.origin_ns = first_ns;
+    this.scope.trigger.arm();
+    this.scope.alarms.clear();
+    this.portraits.clear();
+    this.rig.rewind();
+  }
+
+  // A recording is paused at another time.
+  showPaused(left_ns) {
+    this.frozen.copy(this.live);
+    this.scope.left_ns = left_ns;
+    this.portraits.section.clear();
   }
 
   #clearPicture() {
@@ -223,7 +253,7 @@ class App {
 
   // The rig has faulted: the picture of what came before is kept, if wanted.
   faulted(status) {
-    if (this.paused || this.settings.get("freeze_on_fault") === false || this.live.frames.empty) return;
+    if (this.paused || this.replay.active || this.settings.get("freeze_on_fault") === false || this.live.frames.empty) return;
     const { frames } = this.live;
     const event = this.rig.events.faultOf(status);
     const at_ns = event?.time_ns > 0 ? event.time_ns - Number(frames.origin_ns) : frames.last_ns;
@@ -326,6 +356,7 @@ class App {
   #frame(now_ms) {
     requestAnimationFrame((next) => this.#frame(next));
     this.pace.begin(now_ms);
+    this.replay.tick(now_ms);
     if (this.changed) {
       this.changed = false;
       const began_ms = performance.now();
@@ -355,6 +386,7 @@ class App {
       this.scope.updateReadings();
       this.beside.draw(now_ms);
       this.rig.update();
+      this.replay.show();
       this.driveIsForce = this.scope.lanes[5].present && !this.scope.lanes[4].present;
     } else if (!(now_ms - this.spectrumAt_ms < spectrumEvery_ms)) {
       this.spectrumAt_ms = now_ms;
@@ -371,6 +403,9 @@ class App {
     } else if (quiet) {
       setText(chip, "no answer");
       setState(chip, "bad");
+    } else if (this.replay.active) {
+      setText(chip, "a recording");
+      setState(chip, "unknown");
     } else {
       setText(chip, this.watch.rigSilent ? "connected, no frames" : "connected");
       setState(chip, this.watch.rigSilent || this.degraded ? "warn" : "good");

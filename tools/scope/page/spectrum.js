@@ -34,6 +34,18 @@ export class Spectrum {
       select.addEventListener("change", () => this.choose({ [name]: numeric.includes(name) ? Number(select.value) : select.value }));
     }
     this.#showControls();
+    // A drag that chooses a range goes on in the plot in which it began.
+    this.dragging = false;
+    this.awaited = false; // a rebuild after it
+    this.element.addEventListener("mousedown", () => { this.dragging = this.plot !== null; });
+    window.addEventListener("mouseup", () => this.#dropped()); // after uPlot's own listener
+  }
+
+  #dropped() {
+    this.dragging = false;
+    if (!this.awaited) return;
+    this.rebuild();
+    this.update();
   }
 
   get isResponse() { return this.chosen.show === "response"; }
@@ -50,6 +62,7 @@ export class Spectrum {
     Object.assign(this.chosen, change);
     this.app.settings.set("spectrum", this.chosen);
     this.#showControls();
+    this.dragging = false;
     this.rebuild();
     this.update();
   }
@@ -61,6 +74,8 @@ export class Spectrum {
 
   // Rebuilds the plot after a change of theme, size, unit, axis or channel.
   rebuild() {
+    this.awaited = this.dragging;
+    if (this.dragging) return;
     this.plot?.destroy();
     this.plot = null;
     this.latest = null;

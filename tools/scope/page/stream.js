@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The WebSocket and its decoder; the page sends nothing.
+// The WebSocket and its decoder; the page sends nothing but notes.
 
 const subprotocol = "stickslip-scope";
 const firstWait_ms = 300;
@@ -70,6 +70,13 @@ export class Stream {
     };
     socket.onmessage = (event) => this.#receive(event.data);
     socket.onclose = (event) => this.#closed(event);
+  }
+
+  // False if it is not connected.
+  send(message) {
+    if (this.#socket?.readyState !== 1) return false;
+    this.#socket.send(JSON.stringify(message));
+    return true;
   }
 
   // Connects immediately if not connected, on request of the user.

@@ -15,7 +15,7 @@ export const channels = [
 ];
 export const measuredCount = 6; // the first ones; see derived.js for the others
 
-const systems = {
+export const systems = {
   mm: { length: ["mm", 1e3], velocity: ["mm/s", 1e3], force: ["N", 1], power: ["mW", 1e3] },
   m: { length: ["m", 1], velocity: ["m/s", 1], force: ["N", 1], power: ["W", 1] },
 };

@@ -3,9 +3,11 @@
 // settings. Items are separated by *, their parts by _, which addresses leave as they are; numbers are in SI
 // units.
 
-import { channels } from "./units.js";
+import { modes } from "./trigger.js";
+import { channels, systems } from "./units.js";
 
-const names = ["span", "lanes", "scales", "limits", "expression"];
+const names = ["span", "lanes", "scales", "limits", "expression", "trigger", "units", "cursors"];
+const ofThePage = { scales: "", trigger: "", units: "", cursors: "" }; // last as long as the page, or its address
 const write_ms = 300; // browsers limit how often the address is changed
 
 const indexOf = (id) => channels.findIndex((channel) => channel.id === id);
@@ -27,6 +29,19 @@ function writePairs(pairs) {
   return pairs.map(([index, low, high]) => `${channels[index].id}_${number(low)}_${number(high)}`).join("*");
 }
 
+// "normal_F_0.2_falling"; null if it is not understood.
+function readTrigger(text = "") {
+  const [mode, id, level, edge] = text.split("_");
+  const trigger = { mode, channel: indexOf(id), level: Number(level), rising: edge !== "falling" };
+  return modes.includes(mode) && trigger.channel >= 0 && level !== "" && Number.isFinite(trigger.level) ? trigger : null;
+}
+
+// Places on the screen, as parts of its width.
+function readCursors(text = "") {
+  const parts = text.split("_").map((part) => (part === "" ? NaN : Number(part)));
+  return parts.length === 2 && parts.every((part) => part >= 0 && part <= 1) ? parts : null;
+}
+
 // Items that are not understood are left out.
 export function decode(texts) {
   const listed = texts.lanes === undefined ? null : itemsOf(texts.lanes).map((item) => item.split("_").map(indexOf).filter((index) => index >= 0));
@@ -39,16 +54,22 @@ export function decode(texts) {
     scales: pairs(texts.scales, ordered),
     limits: pairs(texts.limits, some),
     expression: texts.expression ?? "",
+    trigger: readTrigger(texts.trigger),
+    units: Object.hasOwn(systems, texts.units ?? "") ? texts.units : null,
+    cursors: readCursors(texts.cursors),
   };
 }
 
-export function encode({ span_s, lanes, scales, limits, expression }) {
+export function encode({ span_s, lanes, scales, limits, expression, trigger, units, cursors }) {
   return {
     span: String(Number(span_s.toPrecision(6))),
     lanes: lanes.map((lane) => lane.map((index) => channels[index].id).join("_")).join("*"),
     scales: writePairs(scales),
     limits: writePairs(limits),
     expression,
+    trigger: trigger ? `${trigger.mode}_${channels[trigger.channel].id}_${Number(trigger.level.toPrecision(9))}_${trigger.rising ? "rising" : "falling"}` : "",
+    units,
+    cursors: cursors ? cursors.map((part) => Number(part.toFixed(5))).join("_") : "",
   };
 }
 
@@ -61,8 +82,7 @@ export class ViewAddress {
     const query = new URLSearchParams(window.location.search);
     const given = names.some((name) => query.has(name));
     const kept = settings.get("view") ?? {};
-    // Scales that were chosen last as long as the page, or its address.
-    this.texts = given ? Object.fromEntries(names.filter((name) => query.has(name)).map((name) => [name, query.get(name)])) : { ...kept, scales: "" };
+    this.texts = given ? Object.fromEntries(names.filter((name) => query.has(name)).map((name) => [name, query.get(name)])) : { ...kept, ...ofThePage };
     if (!given && settings.get("view") !== undefined) this.#schedule();
   }
 
