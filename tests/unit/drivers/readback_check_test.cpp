@@ -35,7 +35,7 @@ std::int64_t found_ns(const Output& command, const Output& reading, double secon
 }
 
 // Frequencies whose periods are shorter than the delay are the ones that a window of commands
-// alone could not tell from an output that is stuck.
+// alone could not distinguish from an output that is stuck.
 TEST(ReadbackCheck, FollowingOutputAgreesAtEveryFrequencyAndDelay) {
   for (const double hz : {0.1, 1.0, 3.2, 7.0, 20.0}) {
     for (const std::int64_t delay : {0 * ms, 5 * ms, 60 * ms, 95 * ms}) {
