@@ -51,6 +51,9 @@ struct LabjackU6 {
   std::optional<int> emergency_stop_line;  ///< low: pressed, or its wire is cut
   int watchdog_s = 2;   ///< the firmware releases enable_line after this silence; 0: never
   double rest_v = 2.5;  ///< output voltage at rest; [shaker] rest_v
+  /// Scanned after the channels; [readback].
+  std::optional<BenchInput> drive_readback;
+  std::optional<BenchInput> enable_readback;
 };
 
 /// [usb_1208fs_plus]
@@ -174,6 +177,29 @@ struct ShakerOutput {
   double high_v = 5.0;          ///< upper limit
 };
 
+/// [readback.drive]: a spare input of the board at the output that drives the shaker.
+struct DriveReadback {
+  BenchInput input;
+  double gain = 1.0;                  ///< the reading is offset_v + gain times the output voltage
+  double offset_v = 0.0;              ///< reading at an output of 0 V
+  std::optional<double> tolerance_v;  ///< of the reading; absent: limits_of()
+  std::optional<double> delay_s;      ///< longest, from command to reading; absent: limits_of()
+};
+
+/// [readback.enable]: a spare input of the board at the amplifier's enable contact.
+struct EnableReadback {
+  BenchInput input;
+  double on_above_v = 2.0;        ///< a higher reading shows the contact as on
+  bool active_low = false;        ///< a lower one does
+  std::optional<double> delay_s;  ///< longest, from command to reading; absent: limits_of()
+};
+
+struct Readback {
+  std::optional<DriveReadback> drive;
+  std::optional<EnableReadback> enable;
+  double longest_overrun_s = 0.05;  ///< of the loop; [safety] longest_overrun_s
+};
+
 /// [driver] kind = "bench"
 struct Bench {
   BoardKind board = BoardKind::labjack_u6;
@@ -185,6 +211,7 @@ struct Bench {
   std::vector<ModbusUnit> modbus;
   std::vector<GaugeAt> gauges;
   std::optional<Amplifier> amplifier;
+  Readback readback;
 };
 
 /// Those of the inputs that belong to a device.

@@ -71,6 +71,20 @@ void check_form(Document& document, BenchInputs& inputs) {
   }
 }
 
+/// Likewise for inputs that read outputs back.
+void check_form(Document& document, Readback& readback) {
+  const auto check = [&document](const char* path, auto& output) {
+    if (!output || !output->input.device.empty()) return;
+    output.reset();
+    const std::string from = document.text(path).value_or("");
+    if (from.empty()) return;  // reported as missing
+    document.report(path,
+                    "is \"" + from + "\": expected DEVICE/INPUT, such as \"labjack_u6/AIN12\"");
+  };
+  check("readback.drive.from", readback.drive);
+  check("readback.enable.from", readback.enable);
+}
+
 /// Checks of a bench beyond those of single keys.
 class Checker {
  public:
@@ -90,7 +104,9 @@ class Checker {
                                      ", whose scans are the frames: expected one or more from \"" +
                                      board_ + "/...\"");
     }
-    check_rate(static_cast<double>(count));
+    check_readback();
+    const int spare = (bench_.readback.drive ? 1 : 0) + (bench_.readback.enable ? 1 : 0);
+    check_rate(static_cast<double>(count + spare));
     check_lines();
     check_dead_daemon();
     check_shaker();
@@ -173,6 +189,31 @@ class Checker {
     }
     refuse_unused(path, input.device == board_, {"range_v", "differential"}, "inputs of a board");
     refuse_unused(path, input.device == bridge, {"gain"}, "inputs of a bridge");
+  }
+
+  void check_readback() {
+    const auto check = [this](const std::string& table, const BenchInput& input) {
+      const std::string from = input.device + "/" + input.input;
+      if (bench_.board != BoardKind::labjack_u6 || input.device != board_) {
+        document_.report(table + ".from", "is \"" + from +
+                                              "\": outputs are read back by spare inputs of a "
+                                              "labjack_u6 that is the board");
+        return;
+      }
+      const auto [taken, first] = taken_.emplace(from, table);
+      if (!first) {
+        document_.report(table + ".from",
+                         "\"" + from + "\" is already the source of " + taken->second);
+      }
+      check_board_input(table, input);
+    };
+    if (bench_.readback.drive) {
+      check("readback.drive", bench_.readback.drive->input);
+      if (bench_.readback.drive->gain == 0.0) {
+        document_.report("readback.drive.gain", "is 0: every output would read alike");
+      }
+    }
+    if (bench_.readback.enable) check("readback.enable", bench_.readback.enable->input);
   }
 
   void refuse_unused(const std::string& path, bool used, std::initializer_list<const char*> names,
@@ -356,8 +397,12 @@ class Checker {
 
 }  // namespace
 
-void complete_bench(Document& document, Bench& bench) {
+void complete_bench(Document& document, Rig& rig) {
+  Bench& bench = rig.bench;
   check_form(document, bench.inputs);
+  check_form(document, bench.readback);
+  bench.readback.longest_overrun_s =
+      rig.safety.longest_overrun_s.value_or(bench.readback.longest_overrun_s);
   bench.labjack_u6.rest_v = bench.shaker.rest_v;
   bench.usb_1208fs_plus.rest_v = bench.shaker.rest_v;
   for (std::size_t i = 0; i < bench.modbus.size(); ++i) read_map(document, i, bench.modbus[i]);
@@ -366,7 +411,8 @@ void complete_bench(Document& document, Bench& bench) {
 void check_bench(Document& document, const Rig& rig) { Checker(document, rig).check(); }
 
 void refuse_bench(Document& document) {
-  for (const char* table : {"inputs", "labjack_u6", "usb_1208fs_plus", "modbus", "gauge"}) {
+  for (const char* table :
+       {"inputs", "labjack_u6", "usb_1208fs_plus", "modbus", "gauge", "readback"}) {
     if (document.has(table)) {
       document.report(table, "is for driver.kind = \"bench\" only: remove it");
     }

@@ -8,9 +8,10 @@
 
 namespace stickslip::config {
 
-/// Reads the register maps that the bench of a valid document names, and checks the form of its
-/// inputs. Problems are reported in the document.
-void complete_bench(Document& document, Bench& bench);
+/// Reads the register maps that the bench of a valid document names, copies settings that its
+/// devices share with the rig, and checks the form of its inputs. Problems are reported in the
+/// document.
+void complete_bench(Document& document, Rig& rig);
 
 /// Checks the bench's keys against each other and the rest of the rig.
 void check_bench(Document& document, const Rig& rig);

@@ -14,14 +14,29 @@ constexpr std::string_view with_u6 = "driver.bench.board=labjack_u6";
 constexpr std::string_view with_1208 = "driver.bench.board=usb_1208fs_plus";
 
 /// DEVICE/INPUT; both are left empty where the text has another form.
+void read_source(BenchInput& input, const std::string& from) {
+  const auto slash = from.find('/');
+  if (slash == std::string::npos || slash == 0 || slash + 1 == from.size()) return;
+  input.device = from.substr(0, slash);
+  input.input = from.substr(slash + 1);
+}
+
 void read_input(Rig& rig, std::size_t channel, const Value& value) {
   auto& input = rig.bench.inputs[channel];
   if (!input) input.emplace();
-  const std::string from = value.text();
-  const auto slash = from.find('/');
-  if (slash == std::string::npos || slash == 0 || slash + 1 == from.size()) return;
-  input->device = from.substr(0, slash);
-  input->input = from.substr(slash + 1);
+  read_source(*input, value.text());
+}
+
+void read_drive_readback(Rig& rig, std::size_t, const Value& value) {
+  auto& drive = rig.bench.readback.drive;
+  if (!drive) drive.emplace();
+  read_source(drive->input, value.text());
+}
+
+void read_enable_readback(Rig& rig, std::size_t, const Value& value) {
+  auto& enable = rig.bench.readback.enable;
+  if (!enable) enable.emplace();
+  read_source(enable->input, value.text());
 }
 
 constexpr std::array bench_table = {
@@ -335,6 +350,113 @@ constexpr std::array bench_table = {
         .only_then = true,
         .low = 0,
         .high = 10}),
+    read_by<Rig, read_drive_readback>(
+        Type::text, Key{.path = "readback.drive.from",
+                        .sentence = "Spare input of the board at the output that drives the "
+                                    "shaker, such as labjack_u6/AIN12: an output that does not "
+                                    "follow its command is a fault (output_differs).",
+                        .need = Need::in_table,
+                        .when = on_bench,
+                        .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
+          &BenchInput::range_v>(
+        Key{.path = "readback.drive.range_v",
+            .unit = "V",
+            .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
+            .when = on_bench,
+            .only_then = true,
+            .low = 0,
+            .high = 20,
+            .above_low = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
+          &BenchInput::differential>(
+        Key{.path = "readback.drive.differential",
+            .sentence = "That input is measured relative to its partner.",
+            .when = on_bench,
+            .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::gain>(
+        Key{.path = "readback.drive.gain",
+            .unit = "1",
+            .sentence = "The reading is offset_v + gain times the output voltage; not 0.",
+            .when = on_bench,
+            .only_then = true,
+            .low = -100,
+            .high = 100}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::offset_v>(
+        Key{.path = "readback.drive.offset_v",
+            .unit = "V",
+            .sentence = "Reading at an output of 0 V.",
+            .when = on_bench,
+            .only_then = true,
+            .low = -20,
+            .high = 20}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::tolerance_v>(
+        Key{.path = "readback.drive.tolerance_v",
+            .unit = "V",
+            .sentence = "Tolerance of the reading.",
+            .without = "1 % of the output's range, two of its steps and 0.1 % of range_v",
+            .when = on_bench,
+            .only_then = true,
+            .low = 0,
+            .high = 20,
+            .above_low = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::delay_s>(
+        Key{.path = "readback.drive.delay_s",
+            .unit = "s",
+            .sentence =
+                "Longest time from a command to its reading; a fault is found within three of it.",
+            .without = "safety.longest_overrun_s, two packets and 0.05 s",
+            .when = on_bench,
+            .only_then = true,
+            .low = 0.01,
+            .high = 5}),
+    read_by<Rig, read_enable_readback>(
+        Type::text,
+        Key{.path = "readback.enable.from",
+            .sentence = "Spare input of the board at the amplifier's enable contact: a contact "
+                        "that does not follow its command is a fault (output_differs).",
+            .need = Need::in_table,
+            .when = on_bench,
+            .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::input,
+          &BenchInput::range_v>(
+        Key{.path = "readback.enable.range_v",
+            .unit = "V",
+            .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
+            .when = on_bench,
+            .only_then = true,
+            .low = 0,
+            .high = 20,
+            .above_low = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::input,
+          &BenchInput::differential>(
+        Key{.path = "readback.enable.differential",
+            .sentence = "That input is measured relative to its partner.",
+            .when = on_bench,
+            .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::on_above_v>(
+        Key{.path = "readback.enable.on_above_v",
+            .unit = "V",
+            .sentence = "A higher reading shows the contact as on.",
+            .when = on_bench,
+            .only_then = true,
+            .low = -20,
+            .high = 20}),
+    bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::active_low>(
+        Key{.path = "readback.enable.active_low",
+            .sentence = "True: a lower reading shows it as on.",
+            .when = on_bench,
+            .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::delay_s>(
+        Key{.path = "readback.enable.delay_s",
+            .unit = "s",
+            .sentence =
+                "Longest time from a command to its reading; a fault is found within three of it.",
+            .without = "as for the drive, 0.05 s for a relay, and 0.3 s for a line of a GPIO chip",
+            .when = on_bench,
+            .only_then = true,
+            .low = 0.01,
+            .high = 5}),
 };
 
 }  // namespace

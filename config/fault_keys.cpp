@@ -60,7 +60,8 @@ constexpr std::array fault_table = {
             .sentence = "Duration; that of a stall is its amount.",
             .without = "to the end of the run",
             .when = "kind=noise|stick|drift|delay|drop|duplicate|reorder|saturate|nan|clock_jump|"
-                    "unplug|emergency_stop|amplifier_fault|read_error|write_error",
+                    "unplug|emergency_stop|amplifier_fault|output_differs|"
+                    "read_error|write_error",
             .only_then = true,
             .low = 0,
             .high = longest_script_s,

@@ -83,6 +83,8 @@ std::string effect(const Fault& fault) {
       return "the emergency stop is pressed";
     case FaultKind::amplifier_fault:
       return "the amplifier reports a fault";
+    case FaultKind::output_differs:
+      return "the drive reads back as another";
     case FaultKind::read_error:
       return "reads fail";
     case FaultKind::write_error:

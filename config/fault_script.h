@@ -31,6 +31,7 @@ enum class FaultKind : std::uint8_t {
   stall,            ///< no data arrives
   emergency_stop,   ///< the emergency stop is pressed
   amplifier_fault,  ///< the amplifier's own protection has tripped
+  output_differs,   ///< the drive does not read back as commanded
   read_error,       ///< reads fail temporarily
   write_error,      ///< writes fail temporarily
 };
@@ -51,6 +52,7 @@ inline constexpr auto names<FaultKind> = std::to_array<Name<FaultKind>>({
     {FaultKind::stall, "stall"},
     {FaultKind::emergency_stop, "emergency_stop"},
     {FaultKind::amplifier_fault, "amplifier_fault"},
+    {FaultKind::output_differs, "output_differs"},
     {FaultKind::read_error, "read_error"},
     {FaultKind::write_error, "write_error"},
 });

@@ -34,7 +34,7 @@ class Reader {
     read_faults(rig);
     if (document_.sound()) {
       document_.read(rig);
-      if (rig.driver == DriverKind::bench) complete_bench(document_, rig.bench);
+      if (rig.driver == DriverKind::bench) complete_bench(document_, rig);
       read_calibration(rig);
       check(rig, truth);
     }

@@ -118,6 +118,19 @@ bool Interlocks::channel_broken(std::int64_t now_ns, Broken& out) const {
   return false;
 }
 
+bool Interlocks::output_broken(Broken& out) const {
+  const drivers::DifferingOutput& differing = signals_.differing_output;
+  if (differing.name == nullptr) return false;
+  out.interlock = Interlock::output_differs;
+  out.cause.add(differing.name);
+  if (differing.unit == nullptr) return true;
+  out.cause.add(" reads back as ").add(differing.reading).add(differing.unit);
+  out.cause.add(" where ").add(differing.low);
+  if (differing.high != differing.low) out.cause.add(" to ").add(differing.high);
+  out.cause.add(differing.unit).add(" was commanded: check its wires and those of [readback]");
+  return true;
+}
+
 Interlocks::Broken Interlocks::device_broken(std::int64_t now_ns) const {
   Broken out;
   if (silence_broken(reads_, now_ns, out)) return out;
@@ -141,6 +154,7 @@ Interlocks::Broken Interlocks::broken(std::int64_t now_ns) const {
   }
   out = device_broken(now_ns);
   if (out.interlock != Interlock::none) return out;
+  if (output_broken(out)) return out;
   if (signals_.lost_device != nullptr) return is(Interlock::part_lost, signals_.lost_device);
   if (!drive_finite_) return is(Interlock::drive_not_finite, "the drive is not a finite number");
   if (channel_broken(now_ns, out)) return out;

@@ -88,6 +88,7 @@ class Interlocks {
   };
   static void update(const drivers::Result& result, std::int64_t now_ns, Silence& silence);
   bool silence_broken(const Silence& silence, std::int64_t now_ns, Broken& out) const;
+  bool output_broken(Broken& out) const;
   bool channel_broken(std::int64_t now_ns, Broken& out) const;
 
   InterlockSettings settings_;

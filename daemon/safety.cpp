@@ -22,10 +22,22 @@ const char* name_of(RigState state) {
 }
 
 const char* name_of(Interlock interlock) {
-  constexpr std::array<const char*, interlock_count> names = {
-      "none",          "just_started",     "emergency_stop",    "amplifier_fault",  "device_lost",
-      "device_silent", "part_lost",        "stale_channel",     "overrun",          "not_finite",
-      "out_of_range",  "drive_not_finite", "observer_diverged", "recorder_failing", "client_gone"};
+  constexpr std::array<const char*, interlock_count> names = {"none",
+                                                              "just_started",
+                                                              "emergency_stop",
+                                                              "amplifier_fault",
+                                                              "device_lost",
+                                                              "device_silent",
+                                                              "output_differs",
+                                                              "part_lost",
+                                                              "stale_channel",
+                                                              "overrun",
+                                                              "not_finite",
+                                                              "out_of_range",
+                                                              "drive_not_finite",
+                                                              "observer_diverged",
+                                                              "recorder_failing",
+                                                              "client_gone"};
   return names.at(static_cast<std::size_t>(interlock));
 }
 

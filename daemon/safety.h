@@ -66,6 +66,7 @@ enum class Interlock : std::uint8_t {
   amplifier_fault,    ///< the amplifier's own protection
   device_lost,        ///< disconnected, or unusable
   device_silent,      ///< no frame, or no write accepted, for too long
+  output_differs,     ///< the drive or the enable contact does not read back as commanded
   part_lost,          ///< an auxiliary device is lost: a bridge, an LVDT
   stale_channel,      ///< a channel has not been measured for too long
   overrun,            ///< a cycle was too late
@@ -76,7 +77,7 @@ enum class Interlock : std::uint8_t {
   recorder_failing,   ///< if configured
   client_gone,        ///< the client that holds the dead-man's handle does not respond
 };
-inline constexpr std::size_t interlock_count = 15;
+inline constexpr std::size_t interlock_count = 16;
 
 /// Identifier for programs: "emergency_stop".
 const char* name_of(Interlock interlock);
@@ -91,6 +92,7 @@ constexpr bool latches_at_rest(Interlock interlock) {
     case Interlock::amplifier_fault:
     case Interlock::device_lost:
     case Interlock::device_silent:
+    case Interlock::output_differs:
       return true;
     default:
       return false;

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -41,10 +42,28 @@ struct Actuation {
   bool amplifier_on = false;  ///< off is the safe state
 };
 
+/// An output that differs from its command, by the input that reads it back.
+struct DifferingOutput {
+  const char* name = nullptr;  ///< "the drive", valid as long as the driver; null: none differs
+  double reading = 0.0;        ///< in the unit below
+  double low = 0.0;            ///< the commands, as they would read: from low
+  double high = 0.0;           ///< to high
+  const char* unit = "";       ///< a literal; null: the name says all, and the numbers are unknown
+};
+
+/// Inputs of a board that read its outputs back, as of the latest frame [V]. Empty: not configured,
+/// or no frame yet.
+struct OutputReadings {
+  std::optional<double> drive_v;
+  std::optional<double> enable_v;
+};
+
 /// Digital inputs, as of the latest frame.
 struct Signals {
   bool emergency_stop = false;   ///< pressed, its wire is cut, or unknown
   bool amplifier_fault = false;  ///< the amplifier's own protection has tripped
+  /// An output does not read back as it was commanded.
+  DifferingOutput differing_output{};
   /// A secondary device (one that does not yield the frames) is disconnected: a message for the
   /// operator, valid as long as the driver. Null: none is.
   const char* lost_device = nullptr;
@@ -119,6 +138,13 @@ class Driver {
 
   /// Inactive for devices without such lines. As cheap as reading a variable.
   virtual Signals signals() const noexcept { return {}; }
+
+  /// Standard uncertainties of the ages in the latest frame, those of clocks and transmission [us];
+  /// 0 where sampled with the frame, or unknown. Only for the thread that reads.
+  virtual std::array<std::int32_t, channel_count> age_sigma_us() const noexcept { return {}; }
+
+  /// Only for the thread that reads.
+  virtual OutputReadings output_readings() const noexcept { return {}; }
 
   /// After a stop: a message that names the output that may still be on because the last "off" was
   /// not confirmed, and the action to take; null if everything is off. Valid until the next

@@ -16,9 +16,10 @@ namespace stickslip::drivers {
 
 /// Reading of an input.
 struct Reading {
-  double value = 0.0;        ///< in the unit of the input
-  std::int64_t time_ns = 0;  ///< of the measurement, on the host's monotonic clock
-  bool valid = false;        ///< false: the device marks it as invalid
+  double value = 0.0;         ///< in the unit of the input
+  std::int64_t time_ns = 0;   ///< of the measurement, on the host's monotonic clock
+  bool valid = false;         ///< false: the device marks it as invalid
+  std::int64_t sigma_ns = 0;  ///< standard uncertainty of time_ns
 };
 
 /// An input that a gauge reads.

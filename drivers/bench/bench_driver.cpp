@@ -9,12 +9,15 @@
 namespace stickslip::drivers {
 
 BenchDriver::BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
-                         const config::ShakerOutput& shaker, RetryDelay retry)
+                         const config::ShakerOutput& shaker, RetryDelay retry,
+                         const OutputChecks& output_checks)
     : clock_(std::move(parts.clock)),
       board_(std::move(parts.board)),
       amplifier_(std::move(parts.amplifier)),
       shaker_(shaker),
-      board_has_clock_(board_->description().own_clock) {
+      board_has_clock_(board_->description().own_clock),
+      output_checks_(output_checks) {
+  if (output_checks_.any()) held_outputs_.resize(StreamClock::most_held);
   for (auto& gauge : parts.gauges) {
     gauges_.push_back(std::make_unique<GaugeReader>(std::move(gauge), retry));
   }
@@ -88,15 +91,33 @@ Result BenchDriver::open() {
 
 Result BenchDriver::start() {
   stream_clock_.restart();
+  output_checks_.restart();
   return board_->start();
+}
+
+Result BenchDriver::read_board(Frame& scan) {
+  const Result result = board_->read(scan);
+  if (result && !held_outputs_.empty()) {
+    held_outputs_[scan.sequence % held_outputs_.size()] = {scan.sequence,
+                                                           board_->output_readings()};
+  }
+  return result;
+}
+
+void BenchDriver::check_outputs(const Frame& scan) {
+  if (held_outputs_.empty()) return;
+  const SequencedOutputs& held = held_outputs_[scan.sequence % held_outputs_.size()];
+  if (held.sequence != scan.sequence) return;
+  outputs_ = held.outputs;
+  output_checks_.read(outputs_, scan.time_ns);
 }
 
 /// The next scan of the board, in host time.
 Result BenchDriver::next_scan(Frame& scan) {
-  if (!board_has_clock_) return board_->read(scan);
+  if (!board_has_clock_) return read_board(scan);
   if (stream_clock_.next(scan)) return {};
   Frame raw;
-  const Result result = board_->read(raw);
+  const Result result = read_board(raw);
   if (result) {
     const std::uint64_t before = stream_clock_.restarts();
     stream_clock_.take(raw, clock_->now_ns());
@@ -106,6 +127,14 @@ Result BenchDriver::next_scan(Frame& scan) {
   }
   if (stream_clock_.next(scan)) return {};
   return result ? Result{Outcome::no_data} : result;
+}
+
+/// Of a reading with an uncertain time, against the board's scans.
+std::int32_t BenchDriver::sigma_of_age_us(std::int64_t reading_sigma_ns) const {
+  const std::int64_t board_ns = board_has_clock_ ? stream_clock_.sigma_ns() : 0;
+  const double sigma_us =
+      1e-3 * std::hypot(static_cast<double>(reading_sigma_ns), static_cast<double>(board_ns));
+  return static_cast<std::int32_t>(std::min(sigma_us, 1e9));
 }
 
 Result BenchDriver::read(Frame& frame) {
@@ -120,7 +149,10 @@ Result BenchDriver::read(Frame& frame) {
     constexpr std::int64_t oldest_us = std::numeric_limits<std::int32_t>::max();
     const std::int64_t age_us = std::min((host_ns - latest.time_ns) / 1000, oldest_us);
     reading.age_us[index_of(wire.channel)] = static_cast<std::int32_t>(age_us);
+    age_sigma_us_[index_of(wire.channel)].store(sigma_of_age_us(latest.sigma_ns),
+                                                std::memory_order_relaxed);
   }
+  check_outputs(reading);
   frame = reading;
   return {};
 }
@@ -142,6 +174,7 @@ Result BenchDriver::write(const Actuation& actuation) {
   const bool tolerated = board.outcome == Outcome::temporary && contact_on_;
   if (amplifier_ && on) contacts = amplifier_->write(board || tolerated);
   contact_on_ = on && (board || tolerated);
+  if (output_checks_.any()) output_checks_.command(volts.drive, on, clock_->now_ns());
   if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
   return board ? contacts : board;
 }
@@ -180,13 +213,27 @@ Counts BenchDriver::counts() const noexcept {
   if (board_has_clock_) {
     all.add({"clock of the board", "restarts", clock_restarts_.load(std::memory_order_relaxed)});
   }
-  for (const auto& gauge : gauges_) {
-    const char* name = gauge->gauge().name().c_str();
-    const GaugeLosses losses = gauge->losses();
+  for (std::size_t i = 0; i < gauges_.size(); ++i) {
+    const char* name = gauges_[i]->gauge().name().c_str();
+    const GaugeLosses losses = gauges_[i]->losses();
     all.add({name, "readings_missing", losses.missing});
     all.add({name, "readings_rejected", losses.rejected});
+    const auto wire = std::find_if(wires_.begin(), wires_.end(),
+                                   [i](const Wire& each) { return each.gauge == i; });
+    if (wire == wires_.end()) continue;
+    const auto& sigma_us = age_sigma_us_[index_of(wire->channel)];
+    const auto shown = static_cast<std::uint64_t>(sigma_us.load(std::memory_order_relaxed));
+    all.add({name, "age_sigma_us", shown, Count::Kind::level});
   }
   return all;
+}
+
+std::array<std::int32_t, channel_count> BenchDriver::age_sigma_us() const noexcept {
+  std::array<std::int32_t, channel_count> out{};
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = age_sigma_us_[i].load(std::memory_order_relaxed);
+  }
+  return out;
 }
 
 Signals BenchDriver::signals() const noexcept {
@@ -195,6 +242,7 @@ Signals BenchDriver::signals() const noexcept {
     all.emergency_stop = all.emergency_stop || more.emergency_stop;
     all.amplifier_fault = all.amplifier_fault || more.amplifier_fault;
   };
+  all.differing_output = output_checks_.differing();
   if (amplifier_) add(amplifier_->signals());
   for (const auto& gauge : gauges_) {
     add(gauge->signals());

@@ -12,6 +12,7 @@
 
 #include "config/bench.h"
 #include "drivers/bench/gauge_reader.h"
+#include "drivers/bench/output_checks.h"
 #include "drivers/clock/host_clock.h"
 #include "drivers/clock/stream_clock.h"
 #include "drivers/contacts.h"
@@ -38,7 +39,8 @@ class BenchDriver final : public Driver {
  public:
   /// `inputs` assigns channels to inputs of gauges; those of the board are handled by the board.
   BenchDriver(BenchParts parts, const config::BenchInputs& inputs,
-              const config::ShakerOutput& shaker, RetryDelay retry = {});
+              const config::ShakerOutput& shaker, RetryDelay retry = {},
+              const OutputChecks& output_checks = {});
   ~BenchDriver() override;
 
   /// The first time all devices must be attached; later, gauges may be reopened in the background.
@@ -49,7 +51,10 @@ class BenchDriver final : public Driver {
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }
+  /// An output that differs from what is read back is known to the thread that reads only.
   Signals signals() const noexcept override;
+  std::array<std::int32_t, channel_count> age_sigma_us() const noexcept override;
+  OutputReadings output_readings() const noexcept override { return outputs_; }
   const char* left_on() const noexcept override;
   /// The counts of the board, the restarts of the estimate of its clock, and the losses of each
   /// gauge.
@@ -66,6 +71,9 @@ class BenchDriver final : public Driver {
   void describe();
   void switch_contact_off() noexcept;
   Result next_scan(Frame& scan);
+  Result read_board(Frame& scan);
+  void check_outputs(const Frame& scan);
+  std::int32_t sigma_of_age_us(std::int64_t reading_sigma_ns) const;
   double volts_of(double drive) const;
 
   std::unique_ptr<HostClock> clock_;  // outlives the devices
@@ -82,6 +90,16 @@ class BenchDriver final : public Driver {
   bool contact_on_ = false;
   std::string left_on_;  // message about the contact; empty: it is off
   bool opened_before_ = false;
+  // Of the latest frame; other threads read them for display.
+  std::array<std::atomic<std::int32_t>, channel_count> age_sigma_us_{};
+  OutputChecks output_checks_;
+  OutputReadings outputs_;  // of the latest frame
+  // Of scans whose time is not known yet, by sequence.
+  struct SequencedOutputs {
+    std::uint64_t sequence = 0;
+    OutputReadings outputs;
+  };
+  std::vector<SequencedOutputs> held_outputs_;
 };
 
 }  // namespace stickslip::drivers

@@ -38,6 +38,12 @@ void DeviceClock::close_window(std::int64_t device_ns) {
   const double offset_at_smallest =
       offset_ns_ - skew_ * static_cast<double>(device_ns - smallest_at_ns_);
   const double behind = static_cast<double>(smallest_ns_) - offset_at_smallest;
+  // Not of the first window, whose offset was none yet.
+  if (previous_smallest_ns_) {
+    variance_ +=
+        std::max(min_weight, 1.0 / static_cast<double>(std::max<std::uint64_t>(windows_, 1))) *
+        (behind * behind - variance_);
+  }
   if (settled_) {
     correction_ = std::clamp(behind / (correction_windows * static_cast<double>(window_ns)),
                              -largest_skew, largest_skew);
@@ -85,5 +91,7 @@ std::int64_t DeviceClock::host_time(std::int64_t device_ns, std::int64_t host_ns
   last_out_ns_ = std::max(last_out_ns_ + 1, out_ns);
   return last_out_ns_;
 }
+
+std::int64_t DeviceClock::sigma_ns() const { return std::llround(std::sqrt(variance_)); }
 
 }  // namespace stickslip::drivers

@@ -26,6 +26,9 @@ class DeviceClock {
 
   /// Rate of the host's clock relative to the device's, minus 1.
   double skew() const { return skew_; }
+  /// Standard uncertainty of the offset, by the scatter of the smallest delays [ns]; 0 before the
+  /// second window. The smallest delay itself is not seen.
+  std::int64_t sigma_ns() const;
   /// Number of restarts of the estimate.
   std::uint64_t restarts() const { return restarts_; }
 
@@ -44,6 +47,7 @@ class DeviceClock {
   std::optional<std::int64_t> previous_smallest_ns_;
   std::int64_t previous_at_ns_ = 0;
   bool settled_ = false;
+  double variance_ = 0.0;  // of the smallest delays [ns^2]
   std::uint64_t windows_ = 0;
   std::uint64_t restarts_ = 0;
 };

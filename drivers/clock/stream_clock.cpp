@@ -6,7 +6,6 @@
 namespace stickslip::drivers {
 
 namespace {
-constexpr std::size_t most_held = 4096;
 constexpr std::int64_t longest_hold_ns = 50'000'000;
 }  // namespace
 

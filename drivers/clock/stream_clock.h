@@ -22,6 +22,8 @@ namespace stickslip::drivers {
 /// with an error of up to their own length. take and next do not allocate.
 class StreamClock {
  public:
+  static constexpr std::size_t most_held = 4096;  ///< frames
+
   StreamClock();
 
   /// Begins a stream: forgets all frames and delays.
@@ -34,6 +36,8 @@ class StreamClock {
   /// The next frame, with its time on the host's clock. False: none, or its time is not known yet.
   bool next(Frame& frame);
 
+  /// Standard uncertainty of the frames' times [ns]; 0 in the first two seconds.
+  std::int64_t sigma_ns() const { return clock_.sigma_ns(); }
   /// Restarts of the estimate of this stream's clock, after a step of either clock.
   std::uint64_t restarts() const { return clock_.restarts(); }
 

@@ -26,8 +26,11 @@ std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, Hos
     case config::BoardKind::labjack_u6:
       break;
   }
-  return std::make_unique<LabjackU6Driver>(
-      bench.labjack_u6, config::inputs_of(bench.inputs, "labjack_u6"), rate_hz, clock);
+  config::LabjackU6 settings = bench.labjack_u6;
+  if (bench.readback.drive) settings.drive_readback = bench.readback.drive->input;
+  if (bench.readback.enable) settings.enable_readback = bench.readback.enable->input;
+  return std::make_unique<LabjackU6Driver>(settings, config::inputs_of(bench.inputs, "labjack_u6"),
+                                           rate_hz, clock);
 }
 
 bool any(const config::BenchInputs& inputs) {
@@ -65,8 +68,8 @@ BenchParts make_bench_parts(const config::Bench& bench, double rate_hz) {
 }
 
 std::unique_ptr<Driver> make_bench(const config::Bench& bench, double rate_hz) {
-  return std::make_unique<BenchDriver>(make_bench_parts(bench, rate_hz), bench.inputs,
-                                       bench.shaker);
+  return std::make_unique<BenchDriver>(make_bench_parts(bench, rate_hz), bench.inputs, bench.shaker,
+                                       RetryDelay{}, OutputChecks(bench, rate_hz));
 }
 
 }  // namespace stickslip::drivers

@@ -52,10 +52,12 @@ int stage_of(FaultKind kind) {
       return 13;
     case FaultKind::amplifier_fault:
       return 14;
-    case FaultKind::write_error:
+    case FaultKind::output_differs:
       return 15;
+    case FaultKind::write_error:
+      return 16;
   }
-  return 16;
+  return 17;
 }
 
 bool withholds(FaultKind kind) {
@@ -190,6 +192,7 @@ Signals FaultyDriver::signals() const noexcept {
   Signals all = device_->signals();
   all.emergency_stop = all.emergency_stop || lines_.emergency_stop;
   all.amplifier_fault = all.amplifier_fault || lines_.amplifier_fault;
+  if (lines_.differing_output.name != nullptr) all.differing_output = lines_.differing_output;
   return all;
 }
 
@@ -528,11 +531,15 @@ Result FaultyDriver::write(const Actuation& actuation) {
 void FaultyDriver::update_lines() {
   lines_ = {};
   for (Entry& entry : entries_) {
-    const bool stop = entry.fault.kind == FaultKind::emergency_stop;
-    if (!stop && entry.fault.kind != FaultKind::amplifier_fault) continue;
+    const FaultKind kind = entry.fault.kind;
+    const bool stop = kind == FaultKind::emergency_stop;
+    const bool differs = kind == FaultKind::output_differs;
+    if (!stop && !differs && kind != FaultKind::amplifier_fault) continue;
     if (!active_occurrence(entry, now_ns_)) continue;
     hit(entry);
-    (stop ? lines_.emergency_stop : lines_.amplifier_fault) = true;
+    if (stop) lines_.emergency_stop = true;
+    if (differs) lines_.differing_output = {.name = entry.message.c_str(), .unit = nullptr};
+    if (kind == FaultKind::amplifier_fault) lines_.amplifier_fault = true;
   }
 }
 

@@ -238,6 +238,7 @@ Result LabjackU6Driver::begin_stream() {
   const std::int64_t now_ns = clock_.now_ns();
   board_->output.emplace(settings_, description_.name, *board_->session, *lines_, echo_,
                          rest_counts, now_ns);
+  outputs_ = {};
   lines_->update(lines, now_ns);  // the grace period until the first reply
   running_ = true;
   return {};
@@ -260,12 +261,12 @@ bool LabjackU6Driver::wait_for(Frame& frame) {
   u6::StreamSession& session = *board_->session;
   std::int64_t left_ns = read_timeout_ns;
   while (board_->output->has_pending_set_point() && left_ns > 0) {
-    if (session.next(frame, slice_ns)) return true;
+    if (session.next(frame, outputs_, slice_ns)) return true;
     if (session.ended() != u6::StreamEnd::not_ended) return false;
     left_ns -= slice_ns;
     board_->output->send_pending_set_point(clock_.now_ns());
   }
-  return left_ns > 0 && session.next(frame, left_ns);
+  return left_ns > 0 && session.next(frame, outputs_, left_ns);
 }
 
 Result LabjackU6Driver::stream_end() {

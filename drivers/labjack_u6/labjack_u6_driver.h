@@ -61,6 +61,7 @@ class LabjackU6Driver final : public Driver {
   /// counts as active (pressed, fault) if no command of the last 100 ms was answered; the start
   /// counts as an answer.
   Signals signals() const noexcept override;
+  OutputReadings output_readings() const noexcept override { return outputs_; }
   const char* left_on() const noexcept override {
     return left_on_.empty() ? nullptr : left_on_.c_str();
   }
@@ -99,6 +100,7 @@ class LabjackU6Driver final : public Driver {
   std::unique_ptr<labjack_u6::StreamCounts> counts_;
   double rest_v_;  // drive of the latest "off"; initially that of the settings
   std::uint8_t echo_ = 0;
+  OutputReadings outputs_;  // of the latest frame
 };
 
 /// Every attached LabJack U6, usable or not.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "drivers/labjack_u6/stream_decoder.h"
 #include "physics/number_text.h"
@@ -29,9 +30,9 @@ std::string range_error(const char* key, int value, int low, int high) {
          " to " + std::to_string(high);
 }
 
-std::string input_error(Channel channel, const config::BenchInput& input) {
-  const std::string where =
-      "inputs." + std::string(info(channel).stem) + " = labjack_u6/" + input.input + ": ";
+/// `table`: that of the input in the configuration.
+std::string input_error(const std::string& table, const config::BenchInput& input) {
+  const std::string where = table + " = labjack_u6/" + input.input + ": ";
   const auto place = input_named(input.input);
   if (!place) return where + "the board's inputs are AIN0 to AIN13";
   if (input.differential && *place % 2 != 0) {
@@ -99,11 +100,18 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
     const auto& input = inputs[index_of(channel)];
     if (!input) continue;
     ++channels;
-    if (std::string error = input_error(channel, *input); !error.empty()) return error;
+    const std::string table = "inputs." + std::string(info(channel).stem);
+    if (std::string error = input_error(table, *input); !error.empty()) return error;
   }
   if (channels == 0) {
     return "no channel is assigned to labjack_u6: its scans pace the loop, so [inputs] must use at "
            "least one of AIN0 to AIN13";
+  }
+  for (const auto& [table, input] : {std::pair("readback.drive", &settings.drive_readback),
+                                     std::pair("readback.enable", &settings.enable_readback)}) {
+    if (!*input) continue;
+    ++channels;
+    if (std::string error = input_error(table, **input); !error.empty()) return error;
   }
   for (const std::string& error :
        {rate_error(rate_hz, channels),
@@ -126,13 +134,19 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
 StreamPlan stream_plan(const config::LabjackU6& settings, const config::BenchInputs& inputs,
                        double rate_hz) {
   StreamPlan plan;
+  const auto add = [&plan](const config::BenchInput& input) {
+    plan.scan.push_back({input_named(input.input).value_or(0), input.differential,
+                         gain_of(input.range_v).value_or(0)});
+    return plan.scan.size() - 1;
+  };
   for (const Channel channel : all_channels) {
     const auto& input = inputs[index_of(channel)];
     if (!input) continue;
-    plan.scan.push_back({input_named(input->input).value_or(0), input->differential,
-                         gain_of(input->range_v).value_or(0)});
+    add(*input);
     plan.channel.push_back(channel);
   }
+  if (settings.drive_readback) plan.drive_readback = add(*settings.drive_readback);
+  if (settings.enable_readback) plan.enable_readback = add(*settings.enable_readback);
   plan.clock = nearest_clock(rate_hz);
   plan.samples_per_packet = samples_per_packet(settings, plan.scan.size(), rate_hz);
   plan.transfers = settings.transfers;

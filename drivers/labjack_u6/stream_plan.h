@@ -3,6 +3,8 @@
 // of packets and transfers.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,10 +14,13 @@
 
 namespace stickslip::drivers::labjack_u6 {
 
-/// Stream configuration. Entries of `scan` and `channel` correspond.
+/// Stream configuration. Entries of `scan` and `channel` correspond; further entries of `scan` read
+/// the outputs back.
 struct StreamPlan {
-  std::vector<StreamChannel> scan;  ///< in sampling order
-  std::vector<Channel> channel;     ///< the measured quantity
+  std::vector<StreamChannel> scan;             ///< in sampling order
+  std::vector<Channel> channel;                ///< the measured quantity
+  std::optional<std::size_t> drive_readback;   ///< position in the scan
+  std::optional<std::size_t> enable_readback;  ///< position in the scan
   ScanClock clock;
   Calibration calibration;
   int samples_per_packet = 25;

@@ -250,18 +250,22 @@ void StreamSession::put(const Scan& scan) {
   Frame frame;
   frame.sequence = scan.index;
   frame.time_ns = plan_.clock.time_ns(scan.index);
-  for (std::size_t i = 0; i < plan_.scan.size(); ++i) {
-    frame.set(plan_.channel[i], volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]));
-  }
+  const auto volts_at = [this, &scan](std::size_t i) {
+    return volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]);
+  };
+  for (std::size_t i = 0; i < plan_.channel.size(); ++i) frame.set(plan_.channel[i], volts_at(i));
+  OutputReadings outputs;
+  if (plan_.drive_readback) outputs.drive_v = volts_at(*plan_.drive_readback);
+  if (plan_.enable_readback) outputs.enable_v = volts_at(*plan_.enable_readback);
   // If the loop does not read, the newest frames are lost, which the sequence shows.
   const std::uint64_t made = frames_made_.load(std::memory_order_relaxed);
   if (made - frames_taken_.load(std::memory_order_acquire) == frames_.size()) return;
-  frames_[made % frames_.size()] = frame;
+  frames_[made % frames_.size()] = {frame, outputs};
   frames_made_.store(made + 1, std::memory_order_release);
   sem_post(&available_);
 }
 
-bool StreamSession::next(Frame& frame, std::int64_t timeout_ns) {
+bool StreamSession::next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns) {
   if (sem_trywait(&available_) != 0) {
     if (ended() != StreamEnd::not_ended) return false;
     const timespec due = monotonic_in(timeout_ns);
@@ -273,7 +277,9 @@ bool StreamSession::next(Frame& frame, std::int64_t timeout_ns) {
   }
   const std::uint64_t taken = frames_taken_.load(std::memory_order_relaxed);
   if (taken == frames_made_.load(std::memory_order_acquire)) return false;  // woken by the end
-  frame = frames_[taken % frames_.size()];
+  const Received& received = frames_[taken % frames_.size()];
+  frame = received.frame;
+  outputs = received.outputs;
   frames_taken_.store(taken + 1, std::memory_order_release);
   return true;
 }

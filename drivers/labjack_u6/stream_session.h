@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "drivers/driver.h"
 #include "drivers/labjack_u6/board_link.h"
 #include "drivers/labjack_u6/protocol.h"
 #include "drivers/labjack_u6/stream_decoder.h"
@@ -83,8 +84,9 @@ class StreamSession {
   /// must not be destroyed.
   bool end() noexcept;
 
-  /// The next frame, in volts; waits for it at most that long. Does not allocate or lock.
-  bool next(Frame& frame, std::int64_t timeout_ns);
+  /// The next frame and the outputs as read back with it, in volts; waits for it at most that long.
+  /// Does not allocate or lock.
+  bool next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns);
   StreamEnd ended() const { return end_.load(std::memory_order_acquire); }
   std::uint8_t board_error() const { return board_error_.load(std::memory_order_relaxed); }
 
@@ -147,7 +149,11 @@ class StreamSession {
   std::vector<Incoming> replies_;
   std::array<Outgoing, slot_count> outgoing_;
   // Ring buffer from the event thread to the loop. Each thread counts its own frames.
-  std::vector<Frame> frames_;
+  struct Received {
+    Frame frame;
+    OutputReadings outputs;
+  };
+  std::vector<Received> frames_;
   std::atomic<std::uint64_t> frames_made_{0};
   std::atomic<std::uint64_t> frames_taken_{0};
   sem_t available_{};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 #include <utility>
 
@@ -250,8 +251,9 @@ Result ModbusUnit::poll_until(std::int64_t until_ns, bool& complete) {
     if (exchange.progress != Progress::answered) return failed(exchange, names_in(at));
     consecutive_timeouts_ = 0;
     consecutive_invalid_replies_ = 0;
-    answered_.push_back({std::move(exchange.words),
-                         exchange.sent_ns + (exchange.received_ns - exchange.sent_ns) / 2});
+    const std::int64_t took_ns = exchange.received_ns - exchange.sent_ns;
+    answered_.push_back({std::move(exchange.words), exchange.sent_ns + took_ns / 2,
+                         std::llround(static_cast<double>(took_ns) / (2.0 * std::numbers::sqrt3))});
   }
   complete = true;
   return {};
@@ -378,6 +380,7 @@ Result ModbusUnit::take(std::span<Reading> readings) {
     const std::size_t at = *input_registers_[i];
     const auto value = modbus::value_of(settings_.map.registers[at], words_of(at));
     readings[i].time_ns = answered_[plan_.places[at]->request].time_ns;
+    readings[i].sigma_ns = answered_[plan_.places[at]->request].sigma_ns;
     readings[i].valid = value.has_value() && problem.empty();
     readings[i].value = value.value_or(0.0);
   }

@@ -49,7 +49,8 @@ class ModbusUnit final : public Gauge {
  private:
   struct Answered {
     std::vector<std::uint16_t> words;
-    std::int64_t time_ns = 0;
+    std::int64_t time_ns = 0;   // midway between request and reply
+    std::int64_t sigma_ns = 0;  // of a measurement at any time between them
   };
 
   Result report(Outcome outcome, std::string text);

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/clock/arrival_scatter.h"
 #include "drivers/phidget_bridge/protocol.h"
 #include "drivers/usb/udev_rule.h"
 #include "drivers/usb/usb_boards.h"
@@ -146,7 +147,8 @@ struct PhidgetBridge::Board {
         output_length(length),
         handshake(settings, firmware),
         interval_ms(settings.interval_ms),
-        gaps(interval_ns()) {}
+        gaps(interval_ns()),
+        arrivals(interval_ns()) {}
 
   Device device;
   std::size_t output_length;
@@ -154,6 +156,7 @@ struct PhidgetBridge::Board {
   int interval_ms;  // as stated by the latest report with one that exists; until then as requested
   bool interval_stated = false;
   GapCounter gaps;
+  ArrivalScatter arrivals;
   /// Latest reading of an input; `fresh` until it is published.
   struct Latest {
     bool fresh = false;
@@ -171,6 +174,7 @@ struct PhidgetBridge::Board {
     if (!interval_stated || report.settings.interval_ms == interval_ms) return;
     interval_ms = report.settings.interval_ms;
     gaps = GapCounter(interval_ns());
+    arrivals = ArrivalScatter(interval_ns());
   }
 
   void note(const InputReport& report) {
@@ -354,13 +358,15 @@ Result PhidgetBridge::read(std::span<Reading> readings) {
 /// True if a reading is new or has become invalid.
 bool PhidgetBridge::publish(std::span<Reading> readings, std::int64_t now) {
   const std::int64_t max_age = 5 * board_->interval_ns() / 2;
+  const auto is_fresh = [this](std::size_t number) { return board_->latest[number].fresh; };
+  if (std::any_of(numbers_.begin(), numbers_.end(), is_fresh)) board_->arrivals.add(now);
   bool any = false;
   for (std::size_t i = 0; i < std::min(readings.size(), numbers_.size()); ++i) {
     Board::Latest& latest = board_->latest[numbers_[i]];
     if (latest.fresh) {
       latest.fresh = false;
       latest.time_ns = now;
-      readings[i] = {latest.value, now, latest.valid};
+      readings[i] = {latest.value, now, latest.valid, board_->arrivals.sigma_ns()};
       any = true;
     } else if (latest.valid && now - latest.time_ns > max_age) {
       latest.valid = false;

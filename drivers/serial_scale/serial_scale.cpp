@@ -67,6 +67,7 @@ Result SerialScale::open() {
   std::string why;
   const Outcome opened = line_.open(settings_.port, settings_.baud, why);
   missed_messages_ = MissedMessages(nominal_interval_ns, clock_.now_ns());
+  arrivals_ = ArrivalScatter(nominal_interval_ns);
   return opened == Outcome::ok ? Result{} : report(opened, why);
 }
 
@@ -94,7 +95,9 @@ Result SerialScale::take_lines(std::span<Reading> readings) {
     received_.erase(0, end + 1);
     if (!weight) continue;
     ++valid;
-    std::fill(readings.begin(), readings.end(), Reading{weight->force_n, start_ns, weight->valid});
+    arrivals_.add(start_ns);
+    std::fill(readings.begin(), readings.end(),
+              Reading{weight->force_n, start_ns, weight->valid, arrivals_.sigma_ns()});
   }
   if (received_.size() > max_line_bytes) {  // without an end
     received_.clear();

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/clock/arrival_scatter.h"
 #include "drivers/clock/host_clock.h"
 #include "drivers/clock/missed_messages.h"
 #include "drivers/gauge.h"
@@ -60,6 +61,7 @@ class SerialScale final : public Gauge {
   SerialLine line_;
   std::string received_;  // not yet parsed
   MissedMessages missed_messages_;
+  ArrivalScatter arrivals_{100'000'000};  // begun anew by open
   GaugeLosses losses_;
   std::string message_;
 };

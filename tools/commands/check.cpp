@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,9 @@
 #include "tools/command_line/recording_input.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/commissioning/comparison.h"
+#include "tools/commissioning/record.h"
+#include "tools/files/read_file.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -45,6 +49,7 @@ struct Arguments {
   std::vector<std::string> files;
   bool keys = false;
   bool live = false;
+  std::string commissioned;
   terminal::Colours colours = terminal::Colours::automatic;
 };
 
@@ -222,8 +227,29 @@ void warn(const std::vector<Problem>& warnings) {
   }
 }
 
+/// The acceptance of a bench: that of --commissioned, or the one beside its file, if any.
+std::optional<commissioning::Record> acceptance_of(const std::string& rig,
+                                                   const std::string& commissioned) {
+  if (commissioned.empty()) {
+    return commissioning::load_record(commissioning::folder_beside(rig) /
+                                      commissioning::record_name);
+  }
+  return commissioning::parse_record(files::content_of(commissioned), commissioned);
+}
+
+void summarise_acceptance(const config::Rig& rig, const std::string& commissioned) {
+  const auto record = acceptance_of(rig.file.string(), commissioned);
+  if (!record) return print("acceptance", "none: stickslip commission " + rig.file.string());
+  print("acceptance", "of " + record->begun);
+  std::vector<Problem> warnings;
+  for (const std::string& each : commissioning::reservations(*record, rig)) {
+    warnings.push_back({rig.file.string(), 0, 0, each});
+  }
+  warn(warnings);
+}
+
 /// Prints a summary of a file, or every problem in it. True if it is valid.
-bool check(const std::string& file, const terminal::Paint& paint) {
+bool check(const std::string& file, const std::string& commissioned, const terminal::Paint& paint) {
   const std::string valid = paint(terminal::Tone::good, "valid");
   try {
     const std::string text = config::read_text(file);
@@ -244,6 +270,7 @@ bool check(const std::string& file, const terminal::Paint& paint) {
         }
         terminal::print("%s: %s\n", file.c_str(), valid.c_str());
         summarise(rig);
+        if (rig.driver == config::DriverKind::bench) summarise_acceptance(rig, commissioned);
         warn(rig.warnings);
         break;
       }
@@ -300,8 +327,42 @@ bool check(const std::string& file, const terminal::Paint& paint) {
   }
 }
 
+/// Warns of changes since the acceptance, by the readings of a device.
+void compare(const commissioning::Record& record, const config::Rig& rig,
+             const drivers::ProbedDevice& device) {
+  std::vector<Problem> warnings;
+  const auto add = [&](const std::string& text) {
+    warnings.push_back({rig.file.string(), 0, 0, text});
+  };
+  const bool known = record.devices.empty() || device.name == "amplifier" ||
+                     record.devices.find(device.name) != std::string::npos;
+  if (!known) add(device.name + " is none of the devices that were accepted: " + record.devices);
+  for (const drivers::ProbedInput& each : device.readings) {
+    for (const std::string& text : commissioning::drifts(
+             record, {each.channel, each.mean, each.standard_deviation, each.readings})) {
+      add(text);
+    }
+  }
+  warn(warnings);
+}
+
+void print_reading(const config::Rig& rig, const drivers::ProbedInput& reading) {
+  const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
+  const ChannelInfo& channel = info(reading.channel);
+  const std::string what = std::string(channel.stem) + " from " + reading.input;
+  if (reading.readings == 0) {
+    terminal::print("  %-32s no reading\n", what.c_str());
+    return;
+  }
+  terminal::print("  %-32s %.6g %s, scatter %.2g, %s: %.6g %s\n", what.c_str(), reading.mean,
+                  reading.unit.c_str(), reading.standard_deviation,
+                  physics::counted(reading.readings, "reading").c_str(),
+                  (reading.mean - line.offset) * line.gain, channel.unit.data());
+}
+
 /// Reads each device of a valid rig for the first time. True if all respond.
-bool try_live(const std::string& file, const terminal::Paint& paint) {
+bool try_live(const std::string& file, const std::string& commissioned,
+              const terminal::Paint& paint) {
   const config::Rig rig = config::load_rig(file);
   if (rig.driver != config::DriverKind::bench) {
     throw InputError(Problem{file, 0, 0, "has no devices: --live needs driver.kind = \"bench\""});
@@ -311,6 +372,7 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
   const auto tried = drivers::probe_bench(drivers::make_bench_parts(rig.bench, rig.loop.rate_hz),
                                           rig.bench, timeout_s);
   progress.finish();
+  const auto record = acceptance_of(file, commissioned);
   bool well = true;
   for (const drivers::ProbedDevice& device : tried) {
     well = well && device.ok;
@@ -319,19 +381,8 @@ bool try_live(const std::string& file, const terminal::Paint& paint) {
         (device.ok ? paint(terminal::Tone::good, "responds") : paint(terminal::Tone::bad, "FAILS"))
             .c_str(),
         device.message.empty() ? "" : ": ", device.message.c_str());
-    for (const drivers::ProbedInput& reading : device.readings) {
-      const config::ChannelCalibration& line = rig.calibration[index_of(reading.channel)];
-      const ChannelInfo& channel = info(reading.channel);
-      const std::string what = std::string(channel.stem) + " from " + reading.input;
-      if (reading.readings == 0) {
-        terminal::print("  %-32s no reading\n", what.c_str());
-        continue;
-      }
-      terminal::print("  %-32s %.6g %s, scatter %.2g, %s: %.6g %s\n", what.c_str(), reading.mean,
-                      reading.unit.c_str(), reading.standard_deviation,
-                      physics::counted(reading.readings, "reading").c_str(),
-                      (reading.mean - line.offset) * line.gain, channel.unit.data());
-    }
+    for (const drivers::ProbedInput& reading : device.readings) print_reading(rig, reading);
+    if (record && device.ok) compare(*record, rig, device);
   }
   return well;
 }
@@ -344,11 +395,15 @@ int run(const Arguments& arguments) {
   if (arguments.files.empty()) throw InputError(Problem{"", 0, 0, "check: expected FILE..."});
   const terminal::Paint paint(terminal::wants_colour(arguments.colours, STDOUT_FILENO));
   bool valid = true;
-  for (const std::string& file : arguments.files) valid = check(file, paint) && valid;
+  for (const std::string& file : arguments.files) {
+    valid = check(file, arguments.commissioned, paint) && valid;
+  }
   if (!valid) return 2;
   if (!arguments.live) return 0;
   bool well = true;
-  for (const std::string& file : arguments.files) well = try_live(file, paint) && well;
+  for (const std::string& file : arguments.files) {
+    well = try_live(file, arguments.commissioned, paint) && well;
+  }
   return well ? 0 : 1;
 }
 
@@ -366,6 +421,9 @@ void add_check(CLI::App& app, Action& action) {
       "--live", arguments->live,
       "Then read each device of the rig and print its first readings, without driving "
       "it; no daemon may use it");
+  add_input(*command, "--commissioned", arguments->commissioned,
+            "Compare the bench with this acceptance (default: BENCH.commissioned/"
+            "commissioned.json beside it, if there)");
   command->add_flag("--keys", arguments->keys, "Print all keys as docs/configuration.md")
       ->group("");
   add_colour_option(*command, arguments->colours);

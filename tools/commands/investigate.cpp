@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // `stickslip investigate`: runs that a rig needs to name what its model lacks, one after the other.
-#include <poll.h>
-#include <unistd.h>
-
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <stop_token>
 #include <string>
-#include <thread>
 
 #include "config/model_file.h"
 #include "config/rig.h"
@@ -25,6 +22,7 @@
 #include "tools/rig_access/daemon_rig.h"
 #include "tools/rig_access/simulated_rig.h"
 #include "tools/telemetry/lcm_client.h"
+#include "tools/telemetry/stop_on_signal.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -47,42 +45,12 @@ struct Arguments {
   int jobs = 0;
 };
 
-// Asks the tokens of a computation to stop once a stop signal arrives.
-class StopOnSignal {
- public:
-  explicit StopOnSignal(const telemetry::StopSignals& signals)
-      : watcher_([this, &signals](const std::stop_token& ended) {
-          while (!ended.stop_requested()) {
-            const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(100);
-            if (!telemetry::stopped_before(signals, until)) continue;
-            source_.request_stop();
-            return;
-          }
-        }) {}
-  std::stop_token token() const { return source_.get_token(); }
-
- private:
-  std::stop_source source_;
-  std::jthread watcher_;
-};
-
-// A line of standard input; a stop signal, which is blocked, ends the wait.
-std::string answer_line(std::stop_token stop) {
-  std::string out;
-  for (;;) {
-    if (stop.stop_requested()) throw diagnosis::Interrupted();
-    pollfd file{STDIN_FILENO, POLLIN, 0};
-    if (::poll(&file, 1, 100) <= 0) continue;
-    char next = 0;
-    if (::read(STDIN_FILENO, &next, 1) <= 0 || next == '\n') return out;
-    out += next;
-  }
-}
-
-bool is_confirmed(std::stop_token stop) {
+bool is_confirmed(const std::stop_token& stop) {
   std::printf("make this run? [y/N] ");
   std::fflush(stdout);
-  const std::string line = answer_line(std::move(stop));
+  const telemetry::TypedLine typed = telemetry::typed_line(stop);
+  if (typed.kind == telemetry::TypedLine::Kind::stopped) throw diagnosis::Interrupted();
+  const std::string& line = typed.text;
   return line == "y" || line == "Y" || line == "yes";
 }
 
@@ -135,7 +103,7 @@ void print_ending(const Study& study, const Arguments& arguments) {
 
 int run(const Arguments& arguments) {
   const telemetry::StopSignals signals;
-  const StopOnSignal stop(signals);
+  const telemetry::StopOnSignal stop(signals);
   const investigation::InvestigationOptions options{parallel::threads_for(arguments.jobs),
                                                     stop.token()};
   try {

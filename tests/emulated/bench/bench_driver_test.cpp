@@ -183,6 +183,9 @@ TEST_F(WholeBench, FramesHoldBothDevicesWithCorrectAges) {
   }
   EXPECT_LE(incomplete, all.size() / 50);
   expect_ages(all);
+  const auto sigma_us = bench->age_sigma_us();
+  EXPECT_GT(sigma_us[index_of(Channel::friction_force)], 0);
+  EXPECT_EQ(sigma_us[index_of(Channel::displacement)], 0);
   EXPECT_EQ(bench->signals().lost_device, nullptr);
 }
 

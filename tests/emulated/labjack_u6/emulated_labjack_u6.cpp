@@ -79,6 +79,24 @@ EmulatedLabjackU6::EmulatedLabjackU6(Wires& wires, Now now, LabjackU6Options opt
               options.seed),
       local_id_(options.local_id) {}
 
+void EmulatedLabjackU6::set_dac_stuck(bool stuck) {
+  const std::lock_guard hold(lock_);
+  dac_stuck_ = stuck;
+}
+
+void EmulatedLabjackU6::set_contact_stuck(bool stuck) {
+  const std::lock_guard hold(lock_);
+  contact_stuck_ = stuck;
+  update_enable(now_());
+}
+
+void EmulatedLabjackU6::open_contact() {
+  const std::lock_guard hold(lock_);
+  enabled_ = false;
+  contact_stuck_ = true;
+  wires_.enable(false, now_());
+}
+
 void EmulatedLabjackU6::wire(int input, Sensor sensor) {
   const std::lock_guard hold(lock_);
   inputs_[input] = sensor;
@@ -605,6 +623,11 @@ double EmulatedLabjackU6::volts(int input, bool differential, std::int64_t time_
     return (298.0 - calibration_.temperature_offset) / calibration_.temperature_slope;
   }
   const auto against_ground = [&](int which) {
+    if (which == options_.drive_input) {
+      const int dac = options_.drive_dac;
+      return u6_dac_volts(calibration_, dac, dac_counts_[static_cast<std::size_t>(dac)]);
+    }
+    if (which == options_.enable_input) return enabled_.value_or(false) ? 5.0 : 0.0;
     const auto found = inputs_.find(which);
     return found == inputs_.end() ? 0.0 : found->second(wires_, time_ns);
   };
@@ -635,6 +658,7 @@ bool EmulatedLabjackU6::level(int line) const {
 }
 
 void EmulatedLabjackU6::set_dac(std::size_t dac, std::uint16_t counts, std::int64_t time_ns) {
+  if (dac_stuck_) return;
   dac_counts_[dac] = counts;
   if (static_cast<int>(dac) == options_.drive_dac) {
     wires_.drive(u6_dac_volts(calibration_, options_.drive_dac, counts), time_ns);
@@ -644,7 +668,7 @@ void EmulatedLabjackU6::set_dac(std::size_t dac, std::uint16_t counts, std::int6
 void EmulatedLabjackU6::update_enable(std::int64_t time_ns) {
   if (!options_.enable_line) return;
   const bool on = level(*options_.enable_line);
-  if (enabled_ == on) return;
+  if (enabled_ == on || contact_stuck_) return;
   enabled_ = on;
   wires_.enable(on, time_ns);
 }

@@ -37,6 +37,8 @@ struct LabjackU6Options {
   std::optional<int> enable_line;           ///< high: enabled; pulled down by the contact
   std::optional<int> amplifier_fault_line;  ///< low: fault
   std::optional<int> emergency_stop_line;   ///< low: pressed
+  std::optional<int> drive_input;           ///< AIN wired to the output of the drive
+  std::optional<int> enable_input;          ///< AIN wired to the enable contact: 5 V while on
 };
 
 /// Faults of a reply.
@@ -86,6 +88,12 @@ class EmulatedLabjackU6 final : public UsbDevice {
   void schedule(U6ReplyFault fault, std::uint64_t skip = 0, U6ReplyFaultDetail detail = {});
   /// For every reply from now on.
   void chance(U6ReplyFault fault, double probability, U6ReplyFaultDetail detail = {});
+  /// The output keeps its voltage, whatever is commanded.
+  void set_dac_stuck(bool stuck);
+  /// The amplifier's contact keeps its state, whatever its line does; afterwards it follows it.
+  void set_contact_stuck(bool stuck);
+  /// The contact opens and stays open, as by a broken wire.
+  void open_contact();
   /// While silent it accepts commands and data without replies.
   void set_silent(bool silent);
 
@@ -167,6 +175,8 @@ class EmulatedLabjackU6 final : public UsbDevice {
   std::deque<Answer> answers_;
   bool response_stalled_ = false;
   bool silent_ = false;
+  bool dac_stuck_ = false;
+  bool contact_stuck_ = false;
   std::array<std::uint16_t, 2> dac_counts_{};
   std::uint32_t direction_ = 0;  // bit set: output
   std::uint32_t latch_ = 0;      // bit set: output high

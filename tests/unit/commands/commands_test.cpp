@@ -125,6 +125,7 @@ TEST(Commands, SpellAndDescribeASharedOptionAlike) {
       {"--periods", "what is computed over them"},
       {"--values", "a flag of `spy`, a count of `bifurcation`"},
       {"--rig", "a flag of `conceal`, a file of `investigate`"},
+      {"--yes", "to runs, or to questions"},
       {"--history", "of a page, or of calibrations"},
       {"RECORDING", "`diagnose` takes several"},
       {"FILE", "what is read"},

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "config/modbus_map.h"
+#include "config/readback.h"
 #include "config/rig.h"
 
 namespace stickslip::config {
@@ -51,6 +52,28 @@ TEST(Bench, ReadsTheDirectionOfSerialLines) {
   EXPECT_EQ(bench.modbus[1].direction, Rs485Direction::rts);
   EXPECT_EQ(bench.modbus[1].rts_while_sending, RtsState::released);
   EXPECT_EQ(bench.modbus[2].direction, Rs485Direction::automatic);
+}
+
+TEST(Bench, ReadsTheReadbackOfTheOutputs) {
+  const Rig rig = load_rig(STICKSLIP_TEST_DATA "/config/bench_readback.toml");
+  const Readback& readback = rig.bench.readback;
+  ASSERT_TRUE(readback.drive);
+  EXPECT_EQ(readback.drive->input.device, "labjack_u6");
+  EXPECT_EQ(readback.drive->input.input, "AIN12");
+  EXPECT_EQ(readback.drive->input.range_v, 1.0);
+  EXPECT_EQ(readback.drive->gain, 0.1);
+  EXPECT_EQ(readback.drive->offset_v, 0.25);
+  EXPECT_EQ(readback.drive->tolerance_v, 0.02);
+  EXPECT_FALSE(readback.drive->delay_s);
+  ASSERT_TRUE(readback.enable);
+  EXPECT_EQ(readback.enable->input.input, "AIN13");
+  EXPECT_EQ(readback.enable->on_above_v, 1.5);
+  EXPECT_TRUE(readback.enable->active_low);
+  EXPECT_EQ(readback.enable->delay_s, 0.3);
+  EXPECT_EQ(readback.longest_overrun_s, 0.08);
+  EXPECT_NEAR(drive_readback_limits(rig.bench, 1000.0).delay_s, 0.14, 1e-12);
+  const Bench without = load_rig(rigs / "bench-u6.toml").bench;
+  EXPECT_FALSE(without.readback.drive || without.readback.enable);
 }
 
 TEST(Bench, InputsOfADeviceExcludeThoseOfOthers) {

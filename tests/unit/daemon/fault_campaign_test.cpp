@@ -75,6 +75,7 @@ class Witness final : public drivers::Driver {
     if (clock_.now - start_ns > overrun_ns + ms) must_be_off = true;  // the next cycle is late
     const drivers::Signals lines = device_.signals();
     if (lines.emergency_stop || lines.amplifier_fault) must_be_off = true;
+    if (lines.differing_output.name != nullptr) must_be_off = true;
     if (!result) return result;
     ++yielded;
     for (const Channel channel : all_channels) {
@@ -365,10 +366,23 @@ TEST_P(Campaign, TheAmplifierIsOffWithinTwoCyclesTheAccountsBalanceAndAnOperator
   }
 }
 
-const char* const kind_names[] = {
-    "noise",          "stick",           "drift",      "delay",      "drop",   "duplicate",
-    "reorder",        "saturate",        "nan",        "clock_jump", "unplug", "stall",
-    "emergency_stop", "amplifier_fault", "read_error", "write_error"};
+const char* const kind_names[] = {"noise",
+                                  "stick",
+                                  "drift",
+                                  "delay",
+                                  "drop",
+                                  "duplicate",
+                                  "reorder",
+                                  "saturate",
+                                  "nan",
+                                  "clock_jump",
+                                  "unplug",
+                                  "stall",
+                                  "emergency_stop",
+                                  "amplifier_fault",
+                                  "output_differs",
+                                  "read_error",
+                                  "write_error"};
 
 INSTANTIATE_TEST_SUITE_P(Faults, Campaign,
                          testing::Range(0, static_cast<int>(config::fault_kind_count)),

@@ -87,6 +87,11 @@ constexpr Case device_cases[] = {
        i.read_result({Outcome::no_data, ""}, -90 * ms);
      },
      [](Interlocks& i) { i.read_result({}, ms); }, "yields no data"},
+    {Interlock::output_differs,
+     [](Interlocks& i) {
+       i.signals({.differing_output = {"the drive", 2.5, 3.1, 3.25, " V"}});
+     },
+     [](Interlocks& i) { i.signals({}); }, "the drive reads back as 2.5 V where 3.1 to 3.25 V"},
     {Interlock::part_lost,
      [](Interlocks& i) { i.signals({.lost_device = "the bridge is disconnected"}); },
      [](Interlocks& i) { i.signals({}); }, "the bridge is disconnected"},

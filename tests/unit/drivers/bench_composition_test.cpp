@@ -50,9 +50,9 @@ struct GaugeState {
   GaugeLosses losses;
   std::atomic<bool> fault{false};
 
-  void add(double value, std::int64_t time_ns, bool valid = true) {
+  void add(double value, std::int64_t time_ns, bool valid = true, std::int64_t sigma_ns = 0) {
     const std::lock_guard lock(mutex);
-    next.push_back({value, time_ns, valid});
+    next.push_back({value, time_ns, valid, sigma_ns});
   }
   void answer(Result open, Result read) {
     const std::lock_guard lock(mutex);
@@ -394,7 +394,8 @@ TEST(BenchDriver, ReturnsTheCountsOfBoardAndGauges) {
   };
   EXPECT_TRUE(eventually([&] {
     return text() ==
-           "board 3 overruns 3\nbridge 7 readings_missing 5\nbridge 7 readings_rejected 2\n";
+           "board 3 overruns 3\nbridge 7 readings_missing 5\nbridge 7 readings_rejected 2\n"
+           "bridge 7 age_sigma_us 0\n";
   })) << text();
 }
 
@@ -412,11 +413,13 @@ TEST(BenchDriver, FrameHoldsScanAndGaugesWithTheirAges) {
   EXPECT_EQ(bench.driver.description().channels, 0b01001);
   EXPECT_STREQ(bench.driver.description().unit[index_of(Channel::normal_load)], "V/V");
   EXPECT_EQ(bench.driver.description().name, "board 3, bridge 7");
-  bench.gauge.add(0.25, 40 * ms);
+  bench.gauge.add(0.25, 40 * ms, true, 300'000);
   const Frame frame = bench.frame_after_gauge(47 * ms);
   EXPECT_EQ(frame[Channel::displacement], 1.0);
   EXPECT_EQ(frame[Channel::normal_load], 0.25);
   EXPECT_EQ(frame.age_us[index_of(Channel::normal_load)], 7000);
+  EXPECT_EQ(bench.driver.age_sigma_us()[index_of(Channel::normal_load)], 300);
+  EXPECT_EQ(bench.driver.age_sigma_us()[index_of(Channel::displacement)], 0);
   EXPECT_EQ(frame.time_ns, 47 * ms);
 }
 
@@ -604,7 +607,7 @@ TEST(BenchDriver, FaultInjectionWorksOnABench) {
   EXPECT_FALSE(bench.contacts.writes.back());
   EXPECT_FALSE(bench.board.writes.back().amplifier_on);
   const Counts counts = faulty.counts();
-  EXPECT_EQ(counts.all().size(), 3U) << "of the wrapped device";
+  EXPECT_EQ(counts.all().size(), 4U) << "of the wrapped device";
   // Closed and reopened as by the daemon after a loss.
   faulty.stop();
   faulty.close();

@@ -658,6 +658,14 @@ TEST(FaultyDriver, InputLinesAreAssertedAndReleased) {
   }
 }
 
+TEST(FaultyDriver, OutputIsReportedAsDiffering) {
+  Bench bench({fault(FaultKind::output_differs, begin_s, length_s)});
+  const auto readings = bench.run().read(50);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    EXPECT_EQ(readings[i].signals.differing_output.name != nullptr, is_active(i));
+  }
+}
+
 TEST(FaultyDriver, UnpluggedDeviceIsLostUntilReopened) {
   Bench bench({fault(FaultKind::unplug, begin_s, length_s)});
   bench.run().read(10);
