@@ -33,7 +33,7 @@ constexpr std::array shares_and_levels = {
     Limits{"claim_z", &Criteria::claim_z, 0.0, unlimited},
     Limits{"claim_nats", &Criteria::claim_nats, 0.0, unlimited},
     Limits{"claim_loss_share", &Criteria::claim_loss_share, 0.0, 1.0},
-    Limits{"claim_chi2", &Criteria::claim_chi2, 0.0, unlimited},
+    Limits{"detection_chi2", &Criteria::detection_chi2, 0.0, unlimited},
     Limits{"claim_share_unexplained", &Criteria::claim_share_unexplained, 0.0, 1.0},
     Limits{"contradicted_sigmas", &Criteria::contradicted_sigmas, 0.0, unlimited},
     Limits{"undetermined_log_std", &Criteria::undetermined_log_std, 0.0, unlimited},

@@ -69,9 +69,6 @@ struct Criteria {
   double claim_nats = 10.0;
   /// ... with a loss in worse windows of at most this share of the gain in better ones.
   double claim_loss_share = 0.1;
-  /// Decrease of chi-squared per sample by an effect at its detection limit; one that decreases it
-  /// less is not claimed.
-  double claim_chi2 = 0.05;
   /// Share of the excess chi-squared (at least 1) that effects have to remove each where all of
   /// them together do not explain the recording: any term absorbs a little of what another effect
   /// leaves.
@@ -112,6 +109,9 @@ struct Criteria {
   double contradiction_complexity = 0.5;
 
   // --- What is reported ------------------------------------------------------------------------
+  /// Decrease of chi-squared per sample by an effect at its detection limit: a short recording
+  /// shows it in every window.
+  double detection_chi2 = 0.05;
   /// Probability of a finding below which the separating experiment is looked for.
   double certain_probability = 0.95;
   double least_alternative_probability = 0.005;  ///< of an alternative that is listed

@@ -67,7 +67,7 @@ class LimitSearch {
         criteria_(criteria),
         projection_(hypothesis, fitted.z, jacobians_of(task, hypothesis, fitted.z, fitted.state)),
         samples_(projection_.samples()),
-        target_(0.5 * std::log(criteria.claim_chi2 * samples_)) {}
+        target_(0.5 * std::log(criteria.detection_chi2 * samples_)) {}
 
   const NuisanceProjection& projection() const { return projection_; }
 

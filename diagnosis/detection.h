@@ -44,7 +44,7 @@ struct Detection {
 };
 
 /// `fitted` belongs to `task` and `hypothesis`. At its limit an effect raises chi-squared per
-/// sample by Criteria::claim_chi2. Effects that replace a law instead of modifying it
+/// sample by Criteria::detection_chi2. Effects that replace a law instead of modifying it
 /// are left out, and so are those without a strength parameter.
 Detection detection_limits(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
                            const std::vector<CandidateEffect>& candidates,

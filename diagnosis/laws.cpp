@@ -161,8 +161,8 @@ class LawFits {
     }
     laws_.insert(laws_.end(), std::make_move_iterator(undetermined.begin()),
                  std::make_move_iterator(undetermined.end()));
-    const bool needed = is_gain(none_.held_out, laws_.front().held_out, data_.noise_is_known,
-                                data_.criteria, data_.criteria.claim_chi2);
+    const bool needed =
+        is_gain(none_.held_out, laws_.front().held_out, data_.noise_is_known, data_.criteria, 0.0);
     laws_.insert(needed ? laws_.end() : laws_.begin(), none_);
     probability_ = probabilities(laws_, data_.criteria, data_.seed);
   }

@@ -156,17 +156,15 @@ Detection Search::detection() const {
 
 // Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones, of which
 // one may be left out: what the formulas of those may leave, wrong as they are by their own
-// uncertainty. Where none is claimed, what the declared model may leave.
+// uncertainty.
 double Search::least_gain(std::optional<std::size_t> without) const {
   double left = 0.0;
-  std::size_t claimed = 0;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     if (i == without) continue;
-    ++claimed;
     const double taken = std::max(0.0, claims_[i].chi2_before - claims_[i].chi2_after);
     left += taken * std::pow(formula_uncertainty(claims_[i].candidate), 2);
   }
-  return claimed > 0 ? left : data_.criteria.claim_chi2;
+  return left;
 }
 
 // True if more than noise is left, and shows a listed effect beyond chance and beyond what formulas

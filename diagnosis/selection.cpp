@@ -79,8 +79,8 @@ std::size_t lower_tier(const std::vector<FittedCandidate>& candidates, std::size
     const bool nearly = each.total_loss() < std::max(enough, best + criteria.claim_nats);
     // A number is no physics of its own: it displaces a formula by what it explains alone.
     const bool may_explain_part = !explained && !each.candidate.is_number();
-    if (nearly || (may_explain_part && is_major_gain(current, each.held_out, data.noise_is_known,
-                                                     criteria, criteria.claim_chi2))) {
+    if (nearly || (may_explain_part &&
+                   is_major_gain(current, each.held_out, data.noise_is_known, criteria, 0.0))) {
       chosen = k;
     }
   }

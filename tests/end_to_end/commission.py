@@ -5,7 +5,7 @@ import signal
 import subprocess
 import time
 
-from programs import EndToEnd, SOURCE, STICKSLIP, main, read_json, stickslip
+from programs import PATIENCE_S, EndToEnd, SOURCE, STICKSLIP, main, read_json, stickslip
 
 STEPS = ["identities", "noise", "shunt", "polarity", "delays", "emergency_stop", "amplifier_fault",
          "plugs", "timing", "watchdog", "drive"]
@@ -83,12 +83,12 @@ class Commission(EndToEnd):
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
             program.stdin.write("s\n")
             program.stdin.flush()
-            deadline = time.monotonic() + 60
+            deadline = time.monotonic() + PATIENCE_S
             while not self.record.exists() and time.monotonic() < deadline:
                 time.sleep(0.05)
             program.send_signal(signal.SIGINT)
-            program.wait(timeout=60)  # with its input open: an end of it would be an answer
-            _, errors = program.communicate(timeout=60)
+            program.wait(timeout=PATIENCE_S)  # with its input open: an end of it would be an answer
+            _, errors = program.communicate(timeout=PATIENCE_S)
         self.assertEqual(program.returncode, 1, errors)
         self.assertIn("the amplifier is off", errors)
         self.assertEqual(self.verdicts(), {"identities": "not done"})

@@ -602,7 +602,7 @@ class Notes(Scope):
         """The answer to a note, and the event that came with it."""
         client.send(frame(TEXT, json.dumps({"note": text}).encode()))
         answer = event = None
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE_S
         while answer is None or (answer["taken"] and event is None):
             self.assertLess(time.monotonic(), end, f"{answer}, {event}")
             for message in texts_in([client.receive()]):
@@ -628,7 +628,7 @@ class Notes(Scope):
             self.assertEqual((event["message"], event["severity"]), ("weights: 450 g, µ <lower>", 0))
             self.assertGreater(event["time_ns"], 0)
             seen = None
-            end = time.monotonic() + 30
+            end = time.monotonic() + PATIENCE_S
             while seen is None or seen["code"] != "note":
                 self.assertLess(time.monotonic(), end)
                 for message in texts_in([other.receive()]):
@@ -660,7 +660,7 @@ class Notes(Scope):
             with self.subTest(sent=name), WebSocket(self.port) as client:
                 client.send(data)
                 with self.assertRaises((Closed, ConnectionResetError, BrokenPipeError)):
-                    end = time.monotonic() + 20
+                    end = time.monotonic() + PATIENCE_S
                     while time.monotonic() < end:
                         client.receive()
 
@@ -675,7 +675,7 @@ class Notes(Scope):
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             self.addCleanup(daemon.wait)
             self.addCleanup(daemon.kill)
-            end = time.monotonic() + 30
+            end = time.monotonic() + PATIENCE_S
             source = None
             while source is None:
                 self.assertLess(time.monotonic(), end)
@@ -700,7 +700,7 @@ class Replay(Scope):
         config = folder / "simulated.toml"
         config.write_text(config.read_text().replace("rate_hz = 1000.0", "rate_hz = 2000.0"))
         run = subprocess.run([STICKSLIPD, "--config", str(config), "--record", str(self.log), "--no-lcm",
-                              "--duration", "4"], capture_output=True, text=True, timeout=300)
+                              "--duration", "4"], capture_output=True, text=True, timeout=PATIENCE_S)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.server, self.port = self.start_scope("--replay", str(self.log), *self.options)
 
@@ -750,7 +750,7 @@ class Replay(Scope):
         csv = self.write("run.csv", "time_s,velocity_m_s\n1,2\n")
         for file, words in ((csv, "stickslip convert"), (self.folder / "none.log", "none.log")):
             result = subprocess.run([STICKSLIP, "scope", "--listen", "127.0.0.1:0", "--replay", str(file)],
-                                    capture_output=True, text=True, timeout=60)
+                                    capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertEqual(result.returncode, 2)
             self.assertRegex(result.stderr, rf"\A[^\n]*{words}[^\n]*\n\Z")
 

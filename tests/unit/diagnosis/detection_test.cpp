@@ -18,7 +18,7 @@ using test::driven_mass;
 using test::experiment_of;
 using test::record;
 
-const double share = Criteria{}.claim_chi2;
+const double share = Criteria{}.detection_chi2;
 
 // Detection limits of a recording of the declared rig.
 struct Bench {

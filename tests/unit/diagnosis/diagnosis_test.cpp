@@ -280,6 +280,20 @@ TEST(Diagnosis, FindsThreeEffectsAtOnce) {
   EXPECT_NEAR(got.augmented->chi2_per_sample, 1.0, 4.0 * noise_of(*got.augmented));
 }
 
+// Each of them removes a few hundredths of chi-squared per sample.
+TEST(Diagnosis, FindsTwoWeakEffects) {
+  const auto truth = with_term(with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {0.5}}}),
+                               "quadratic_drag", {{"drag_n_s2_m2", {6.0e-4}}});
+  Options options;
+  options.threads = 2;
+  const Diagnosis got = diagnose({record(truth, 60.0)}, driven_mass(), options);
+  EXPECT_LT(got.baseline.chi2_per_sample, 1.2);
+  std::vector<std::string> ids;
+  for (const Finding& finding : got.findings) ids.emplace_back(finding.effect->card().id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAre("cubic_stiffness", "quadratic_drag"))
+      << report_text(got);
+}
+
 // The model that is written states how well every fitted number is known, and explains the same
 // recording.
 TEST(Diagnosis, WritesThePosterior) {
