@@ -71,7 +71,7 @@ export async function startScope(port = 0, ...args) {
   return scope;
 }
 
-export function run(command, args, timeout = 60000) {
+export function run(command, args, timeout = 600000) {
   const result = spawnSync(command, args, { encoding: "utf8", timeout });
   if (result.status !== 0) throw new Error(`${command} ${args.join(" ")} ended with ${result.status}:\n${result.stdout}${result.stderr}`);
   return result.stdout;
@@ -118,8 +118,8 @@ export async function openPage(browser, url, { fake = false, width = 1100, heigh
 }
 
 // Waits until a function is true in the page. Playwright's own method evaluates text inside the page, which
-// the content policy forbids.
-export async function until(page, condition, argument, timeout_ms = 10000) {
+// the content policy forbids. The limit is for what never happens: a busy machine is no failure.
+export async function until(page, condition, argument, timeout_ms = 120000) {
   const end = Date.now() + timeout_ms;
   while (!(await page.evaluate(condition, argument))) {
     if (Date.now() > end) throw new Error(`not within ${timeout_ms} ms: ${condition}`);
