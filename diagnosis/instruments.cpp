@@ -15,8 +15,8 @@ constexpr double offset_share = 0.01;  // of the channel's standard deviation
 constexpr double delay_samples = 0.3;  // of a multiplexed converter
 constexpr double cutoff_share = 0.02;  // below its cut-off a low-pass is a delay
 
-// Standard deviation of the delay that its filters add to a channel [s]. Only the drive shows more
-// of a cut-off than its delay: its noise is low, and what it lacks acts on everything.
+// Standard deviation of the delay that its filters add to a channel [s]. Those of the drive are
+// calibrated instead, with more than their delay.
 double filter_delay_sigma_s(const std::vector<physics::Filter>& filters) {
   double square = 0.0;
   for (const physics::Filter& filter : filters) {

@@ -39,28 +39,19 @@ void Search::run(const physics::Model& model) {
   features_ = features_of(current_);
   extend();
   while (!is_complete() && swap_effect()) extend();
-  const auto gains = [this](const HeldOut& before, const HeldOut& after, double least) {
-    return is_gain(before, after, least);
-  };
-  while (drop_effect(gains)) {
+  while (drop_effect(&Search::is_gain)) {
   }
   // Effects that were claimed one by one have to explain the recording together.
-  const auto matters = [this](const HeldOut& before, const HeldOut& after, double least) {
-    return is_major_gain(before, after, least);
-  };
-  while (!is_explained() && drop_effect(matters)) {
+  while (!is_explained() && drop_effect(&Search::is_major_gain)) {
   }
   if (data_.campaign && !claims_.empty()) estimate_spreads(data_, current_);
 }
 
 void Search::extend() {
   const std::size_t most = data_.criteria.effort.most_effects;
-  const auto gains = [this](const HeldOut& before, const HeldOut& after, double least) {
-    return is_gain(before, after, least);
-  };
   // An addition may make an earlier one needless; as many steps as lead to `most` twice.
   for (std::size_t step = 0; step < 2 * most && claims_.size() < most && add_effect(); ++step) {
-    while (claims_.size() > 2 && drop_effect(gains)) {
+    while (claims_.size() > 2 && drop_effect(&Search::is_gain)) {
     }
   }
 }
@@ -633,15 +624,14 @@ bool Search::is_contradiction(const HeldOut& without_number) const {
 
 // Drops an effect that the others do not need: it was claimed first and imitated those found after
 // it.
-template <class IsNeeded>
-bool Search::drop_effect(IsNeeded&& is_needed) {
+bool Search::drop_effect(IsNeeded is_needed) {
   report("dropping redundant effects", 0.9);
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     std::optional<FittedCandidate> rest = without(i);
     if (!rest) continue;
     fit_and_score(data_, current_.held_out, {&*rest, 1});
     if (auto held = with_instruments_held(*rest)) rest = std::move(held);
-    if (is_needed(rest->held_out, current_.held_out, least_gain(i))) continue;
+    if ((this->*is_needed)(rest->held_out, current_.held_out, least_gain(i))) continue;
     if (claims_[i].candidate.is_number() && is_contradiction(rest->held_out)) continue;
     claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
     if (claims_.empty()) {

@@ -141,8 +141,10 @@ class Search {
   bool swap_effect();
   std::optional<FittedCandidate> better_in_place_of(std::size_t replaced, Claim& claim);
   bool is_contradiction(const HeldOut& without_number) const;
-  template <class IsNeeded>
-  bool drop_effect(IsNeeded&& is_needed);
+  // Of the loss without an effect and with it: true if more than the least gain is lost.
+  using IsNeeded = bool (Search::*)(const HeldOut& without, const HeldOut& with,
+                                    double least_chi2) const;
+  bool drop_effect(IsNeeded is_needed);
   std::optional<FittedCandidate> without(std::size_t dropped) const;
 
   SearchData data_;

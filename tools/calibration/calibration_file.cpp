@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/calibration/calibration_file.h"
 
-#include <array>
-#include <ctime>
 #include <system_error>
 
 #include "config/document.h"
@@ -32,15 +30,6 @@ std::optional<config::ChannelCalibration> calibration_before(const std::filesyst
 void renew_calibration(const std::filesystem::path& file, Channel channel,
                        const config::ChannelCalibration& made) {
   replace_file(file.string(), calibration::renewed(text_of(file), file.string(), channel, made));
-}
-
-std::string now_utc() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text.data();
 }
 
 }  // namespace stickslip::calibration

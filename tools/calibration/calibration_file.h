@@ -21,7 +21,4 @@ std::optional<config::ChannelCalibration> calibration_before(const std::filesyst
 void renew_calibration(const std::filesystem::path& file, Channel channel,
                        const config::ChannelCalibration& made);
 
-/// The current time in the format of calibration files: "2026-11-22T14:03:00Z".
-std::string now_utc();
-
 }  // namespace stickslip::calibration

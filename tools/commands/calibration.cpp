@@ -18,6 +18,7 @@
 #include "tools/command_line/option_checks.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
+#include "tools/files/utc_now.h"
 #include "tools/terminal/page.h"
 
 namespace stickslip::commands {
@@ -60,7 +61,7 @@ config::ChannelCalibration proposal(const FitArguments& arguments, const calibra
   config::ChannelCalibration out = calibration::calibration_of(fit, points);
   out.reference = arguments.reference;
   out.by = arguments.by;
-  out.date = arguments.date.empty() ? now_utc() : arguments.date;
+  out.date = arguments.date.empty() ? files::utc_now() : arguments.date;
   out.raw_unit = arguments.raw_unit;
   if (!arguments.valid_range.empty()) {
     const config::ValidRange range{arguments.valid_range[0], arguments.valid_range[1]};

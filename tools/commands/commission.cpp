@@ -27,6 +27,7 @@
 #include "tools/commissioning/record.h"
 #include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
+#include "tools/files/utc_now.h"
 #include "tools/files/write_file.h"
 #include "tools/telemetry/stop_on_signal.h"
 #include "tools/terminal/page.h"
@@ -141,7 +142,7 @@ Record new_record(const config::Rig& rig) {
   Record out;
   out.rig = rig.name;
   out.program = STICKSLIP_VERSION;
-  out.begun = commissioning::utc_now();
+  out.begun = files::utc_now();
   out.settings = commissioning::bench_settings(rig);
   return out;
 }
@@ -164,8 +165,7 @@ Record opened(const Folder& folder, const config::Rig& rig, const commissioning:
   }
   before->settings = commissioning::bench_settings(rig);
   for (const std::string& each : changes) {
-    before->changes.push_back(commissioning::utc_now() + ": " + each +
-                              "; earlier steps were kept.");
+    before->changes.push_back(files::utc_now() + ": " + each + "; earlier steps were kept.");
   }
   return *std::move(before);
 }

@@ -20,6 +20,7 @@
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/commands.h"
 #include "tools/control_client/control_client.h"
+#include "tools/files/utc_now.h"
 #include "tools/terminal/page.h"
 
 namespace stickslip::commands {
@@ -71,7 +72,7 @@ int run(const Arguments& arguments) {
   }
   calibration::DialogSettings settings;
   settings.channel = channel;
-  settings.date = now_utc();
+  settings.date = files::utc_now();
   settings.reading_s = arguments.seconds;
   settings.gravity_m_s2 = arguments.gravity_m_s2;
   settings.before = calibration_before(arguments.file, channel);

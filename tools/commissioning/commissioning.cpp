@@ -7,6 +7,7 @@
 
 #include "config/settings.h"
 #include "diagnosis/shooting.h"
+#include "tools/files/utc_now.h"
 
 namespace stickslip::commissioning {
 
@@ -164,7 +165,7 @@ bool commission(BenchSession& session, const Person& person, Record& record, con
       record.devices = session.description().name;
     }
     found.step = step.id;
-    found.date = utc_now();
+    found.date = files::utc_now();
     const StepRecord* before = record.find(step.id);
     const bool was_passed = before != nullptr && before->verdict == Verdict::passed;
     if (was_passed && found.verdict == Verdict::not_done) return;  // not repeated after all

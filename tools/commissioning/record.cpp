@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <ctime>
 #include <nlohmann/json.hpp>
 
 #include "physics/problem.h"
@@ -137,15 +136,6 @@ std::optional<Record> load_record(const std::filesystem::path& file) {
 std::filesystem::path folder_beside(const std::filesystem::path& rig_file) {
   std::filesystem::path out = rig_file;
   return out.replace_extension(".commissioned");
-}
-
-std::string utc_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text.data();
 }
 
 }  // namespace stickslip::commissioning

@@ -72,7 +72,4 @@ inline constexpr const char* record_name = "commissioned.json";
 /// The folder beside a rig's file, named after it: "bench.toml" -> "bench.commissioned".
 std::filesystem::path folder_beside(const std::filesystem::path& rig_file);
 
-/// The present date and time, ISO 8601, UTC.
-std::string utc_now();
-
 }  // namespace stickslip::commissioning
