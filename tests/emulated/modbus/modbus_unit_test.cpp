@@ -569,8 +569,8 @@ TEST_P(ModbusBench, DeadUnitDoesNotBlockOthers) {
   EXPECT_GT(beside_the_dead, 6 * alone / 10);
 }
 
-/// On a serial line only its time identifies a late reply: the driver waits for two time-outs, which
-/// leaves 200 ms for delays of a busy host.
+/// On a serial line only its time identifies a late reply: the driver waits for two time-outs,
+/// which leaves 200 ms for delays of a busy host.
 TEST_P(ModbusBench, LateReplyIsNotMatchedWithAnotherRequest) {
   units_.add(1, {}, {constant(0, Kind::u16, 1.0), constant(10, Kind::u16, 2.0)});
   units_.start();
