@@ -40,10 +40,8 @@ constexpr std::array shares_and_levels = {
     Limits{"noise_floor_chi2", &Criteria::noise_floor_chi2, 1.0, unlimited},
     Limits{"restart_chi2", &Criteria::restart_chi2, 1.0, unlimited},
     Limits{"distant_calibration", &Criteria::distant_calibration, 0.0, unlimited},
-    Limits{"single_effect_share", &Criteria::single_effect_share, 0.0, 1.0},
     Limits{"lower_tier_gain_share", &Criteria::lower_tier_gain_share, 0.0, 1.0},
     Limits{"preference_errors", &Criteria::preference_errors, 0.0, 10.0},
-    Limits{"pair_over_shape_share", &Criteria::pair_over_shape_share, 0.0, 1.0},
     Limits{"unlisted_complexity", &Criteria::unlisted_complexity, 0.0, unlimited},
     Limits{"contradiction_complexity", &Criteria::contradiction_complexity, 0.0, unlimited},
     Limits{"certain_probability", &Criteria::certain_probability, 0.0, 1.0},
@@ -76,8 +74,6 @@ constexpr std::array counts = {
     Limits{"effort.restarts", &Effort::restarts, 0.0, unlimited},
     Limits{"effort.most_effects", &Effort::most_effects, 1.0, unlimited},
     Limits{"effort.swaps", &Effort::swaps, 0.0, unlimited},
-    Limits{"effort.pair_first_effects", &Effort::pair_first_effects, 0.0, unlimited},
-    Limits{"effort.pair_second_effects", &Effort::pair_second_effects, 1.0, unlimited},
     Limits{"effort.bootstrap_draws", &Effort::bootstrap_draws, 1.0, unlimited},
     Limits{"effort.region_bootstrap_draws", &Effort::region_bootstrap_draws, 2.0, unlimited},
     Limits{"effort.separation_windows", &Effort::separation_windows, 1.0, unlimited},
@@ -113,9 +109,6 @@ std::string invalid(const Criteria& criteria) {
   if (!(criteria.effort.separation_run_s > 0.0)) {
     return "effort.separation_run_s is " + physics::number_text(criteria.effort.separation_run_s) +
            "; expected more than 0";
-  }
-  if (criteria.effort.pair_second_effects > criteria.effort.listed_finalists) {
-    return "effort.pair_second_effects exceeds effort.listed_finalists";
   }
   return "";
 }

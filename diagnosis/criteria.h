@@ -23,16 +23,13 @@ struct Effort {
   int rough_iterations = 2;
   std::size_t refinements = 9;  ///< candidates refined after the rough fits, the best first
   int refinement_iterations = 4;
-  std::size_t listed_finalists = 5;    ///< listed effects fitted on all windows
-  std::size_t unlisted_finalists = 2;  ///< formulas and drawn shapes fitted on all windows
-  std::size_t rough_numbers = 4;       ///< declared numbers fitted again after screening
-  std::size_t number_finalists = 2;    ///< declared numbers fitted on all windows
-  std::size_t restarts = 2;            ///< finalists refitted from the declared values
-  std::size_t most_effects = 6;        ///< effects at once
-  std::size_t swaps = 6;               ///< claimed effects for which another one is searched
-  std::size_t pair_first_effects = 3;  ///< effects for which a second one is searched
-  /// Second effects fitted on all windows for each first effect, before the best pair is chosen.
-  std::size_t pair_second_effects = 2;
+  std::size_t listed_finalists = 5;          ///< listed effects fitted on all windows
+  std::size_t unlisted_finalists = 2;        ///< formulas and drawn shapes fitted on all windows
+  std::size_t rough_numbers = 4;             ///< declared numbers fitted again after screening
+  std::size_t number_finalists = 2;          ///< declared numbers fitted on all windows
+  std::size_t restarts = 2;                  ///< finalists refitted from the declared values
+  std::size_t most_effects = 6;              ///< effects at once
+  std::size_t swaps = 6;                     ///< claimed effects for which another one is searched
   std::size_t bootstrap_draws = 2000;        ///< of held-out windows, for probabilities
   std::size_t region_bootstrap_draws = 400;  ///< of windows, for the error of a region's contrast
   int detection_evaluations = 7;             ///< sizes tried for one detection limit
@@ -63,7 +60,7 @@ struct Criteria {
 
   // --- When an effect is claimed ---------------------------------------------------------------
   /// Mean held-out gain over windows, in standard errors: one-sided probability 5e-4 under the
-  /// null.
+  /// null; or the same probability by the signs of the windows' gains.
   double claim_z = 3.3;
   /// Alternative to claim_z where the noise is known: net gain [nat] without the best window, ...
   double claim_nats = 10.0;
@@ -89,8 +86,6 @@ struct Criteria {
   /// Calibrated parameters farther than this from the declared values [standard deviations] are
   /// also started from the declared values when an effect is added.
   double distant_calibration = 2.0;
-  /// Share of the excess chi-squared above which a single effect imitates no pair of effects.
-  double single_effect_share = 0.95;
 
   // --- Which of several effects is preferred ---------------------------------------------------
   /// A listed effect is preferred to a formula, a formula to a drawn shape, where it gains this
@@ -99,9 +94,6 @@ struct Criteria {
   /// A simpler effect is preferred to one that scores better by fewer standard errors than this,
   /// and by no more than the share above leaves: what has more parameters or states imitates it.
   double preference_errors = 2.0;
-  /// Two listed effects that explain the recording are preferred to a drawn shape where they gain
-  /// this share of what it gains.
-  double pair_over_shape_share = 0.6;
   /// Complexity [nat] added for an effect that the catalogue does not list.
   double unlisted_complexity = 3.0;
   /// Complexity [nat] added for a number or instrument that is not as declared: where a force and

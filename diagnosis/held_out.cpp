@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
+#include <random>
 
 #include "diagnosis/median.h"
 #include "diagnosis/score.h"
@@ -32,6 +34,13 @@ bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria
     most = std::max(most, gain);
   }
   return gained - most - lost > criteria.claim_nats && lost < criteria.claim_loss_share * gained;
+}
+
+// By Student's t, which few windows of like gains satisfy, or by signs, which gains of very
+// different sizes do.
+bool is_beyond_chance(const HeldOut& before, const HeldOut& after, const Criteria& criteria) {
+  return gain_z(before, after) > criteria.claim_z ||
+         sign_chance(before, after) < 0.5 * std::erfc(criteria.claim_z / std::sqrt(2.0));
 }
 
 }  // namespace
@@ -106,6 +115,30 @@ double gain_z(const HeldOut& before, const HeldOut& after) {
   return t > 0.0 ? z : -z;
 }
 
+double sign_chance(const HeldOut& before, const HeldOut& after) {
+  constexpr std::size_t exact_windows = 14;
+  constexpr std::uint64_t draws = std::uint64_t{1} << exact_windows;
+  const std::size_t n = before.loss.size();
+  if (n == 0) return 1.0;
+  std::vector<double> gain(n);
+  for (std::size_t w = 0; w < n; ++w) gain[w] = before.loss[w] - after.loss[w];
+  const double least = std::accumulate(gain.begin(), gain.end(), 0.0) * (1.0 - 1.0e-12);
+  const bool exact = n <= exact_windows;
+  const std::uint64_t count = exact ? std::uint64_t{1} << n : draws;
+  std::mt19937_64 random(n);
+  std::uint64_t reached = exact ? 0 : 1;  // that of the signs themselves
+  for (std::uint64_t draw = 0; draw < count; ++draw) {
+    std::uint64_t signs = exact ? draw : random();
+    double sum = 0.0;
+    for (std::size_t w = 0; w < n; ++w, signs >>= 1U) {
+      if (w > 0 && w % 64 == 0) signs = random();
+      sum += (signs & 1U) != 0 ? gain[w] : -gain[w];
+    }
+    if (sum >= least) ++reached;
+  }
+  return static_cast<double>(reached) / static_cast<double>(count + (exact ? 0 : 1));
+}
+
 bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
              const Criteria& criteria, double least_chi2) {
   // An implausible calibration is missing physics too, however well it predicts.
@@ -116,7 +149,7 @@ bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
   // A fit that reaches the estimated noise confirms that the estimate is not too small.
   const bool is_likelihood =
       noise_is_known || std::log(after.typical_chi2) < criteria.confirmed_noise_log;
-  const bool certain = gain_z(before, after) > criteria.claim_z ||
+  const bool certain = is_beyond_chance(before, after, criteria) ||
                        (is_likelihood && is_gain_in_nats(before, after, criteria));
   return certain && before.chi2 - after.chi2 > least_chi2;
 }

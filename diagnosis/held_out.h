@@ -50,6 +50,11 @@ ScoreGain score_gain(const HeldOut& before, const HeldOut& after);
 /// are the independent units: samples within one share its state.
 double gain_z(const HeldOut& before, const HeldOut& after);
 
+/// Probability of a gain over windows at least as large if every window were as likely to lose what
+/// it gains (randomisation test: Fisher 1935). Exact whatever the distribution of the gains, of
+/// which one that is much larger than the rest hides those from a standard error.
+double sign_chance(const HeldOut& before, const HeldOut& after);
+
 /// True if the effect that `after` has and `before` lacks gains more than chance, and decreases
 /// chi-squared per sample by more than `least_chi2`, however much is left: each of several effects
 /// may take little of the misfit that the others leave.

@@ -37,25 +37,12 @@ std::vector<bool> chosen_windows(const Fit& fitted, std::size_t most) {
   return chosen;
 }
 
-// Starts of the search for `hypothesis`, an extension of `base`: the fit so far, and the declared
-// values where missing physics has pulled the calibration far away from them.
-std::vector<std::vector<double>> starting_points(const FittedCandidate& base,
-                                                 const Hypothesis& hypothesis, double distant) {
-  double farthest = 0.0;
+// True if missing physics has pulled the calibration of `base` far away from the declared values.
+bool is_distant(const FittedCandidate& base, double most) {
   for (std::size_t u = 0; u < base.fitted.z.size(); ++u) {
-    if (base.hypothesis->unknowns()[u].of_model) {
-      farthest = std::max(farthest, std::abs(base.fitted.z[u]));
-    }
+    if (base.hypothesis->unknowns()[u].of_model && std::abs(base.fitted.z[u]) > most) return true;
   }
-  std::vector<double> z = carried_over(*base.hypothesis, base.fitted.z, hypothesis);
-  std::vector<std::vector<double>> points{z};
-  if (farthest > distant) {
-    for (std::size_t u = 0; u < z.size(); ++u) {
-      if (hypothesis.unknowns()[u].of_model) z[u] = 0.0;
-    }
-    points.push_back(z);
-  }
-  return points;
+  return false;
 }
 
 // A number that is wrong by a factor is searched from both sides too: every start covers about a
@@ -93,21 +80,16 @@ class Screening {
     const auto scales =
         scales_of(data_.experiments, *base_.hypothesis, base_.fitted.z, features_, candidate.place);
     const auto fixed = candidate.effect->fixed(scales);
-    FitOptions options;
-    options.iterations = data_.criteria.effort.screening_iterations;
-    options.own_steps = 0;
-    options.covariance = false;
-    options.multistart = false;
     for (const auto& start : starts_of(candidate, scales)) {
       const Hypothesis hypothesis =
           extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
-      auto points = starting_points(base_, hypothesis, data_.criteria.distant_calibration);
-      const std::size_t plain = points.size();
+      std::vector<std::vector<double>> points{
+          carried_over(*base_.hypothesis, base_.fitted.z, hypothesis)};
       if (candidate.is_number() && !candidate.is_comparison()) add_factors(points, hypothesis);
-      for (std::size_t i = 0; i < points.size(); ++i) {
-        const bool from_declared = i < plain && i > 0;
-        Fit fitted = fit(subset_.task, hypothesis, points[i], states_for(hypothesis, from_declared),
-                         options);
+      const auto states =
+          warm_start_states(subset_.state, subset_.task, *base_.hypothesis, hypothesis);
+      for (const std::vector<double>& point : points) {
+        Fit fitted = fit(subset_.task, hypothesis, point, states, first_fit());
         if (!best.hypothesis || fitted.cost < best.fitted.cost) {
           best.hypothesis = hypothesis;
           best.fitted = std::move(fitted);
@@ -136,7 +118,14 @@ class Screening {
     });
   }
 
+  // From the fit so far, or, where that has moved far away, from the declared values and first
+  // guesses of the states, whichever is better.
   void fit_roughly(FittedCandidate& each) const {
+    if (is_distant(base_, data_.criteria.distant_calibration)) {
+      Fit fitted = fit(subset_.task, *each.hypothesis, declared_point(*each.hypothesis),
+                       initial_states(subset_.task, *each.hypothesis), first_fit());
+      if (fitted.cost < each.fitted.cost) each.fitted = std::move(fitted);
+    }
     each.fitted = fit_in_stages(subset_.task, *each.hypothesis, each.fitted.z, each.fitted.state,
                                 brief_fit(data_.criteria.effort.rough_iterations));
   }
@@ -157,10 +146,22 @@ class Screening {
   }
 
  private:
-  // From the declared values the states start from their first guesses too.
-  std::vector<WindowState> states_for(const Hypothesis& hypothesis, bool from_declared) const {
-    if (from_declared) return initial_states(subset_.task, hypothesis);
-    return warm_start_states(subset_.state, subset_.task, *base_.hypothesis, hypothesis);
+  FitOptions first_fit() const {
+    FitOptions options;
+    options.iterations = data_.criteria.effort.screening_iterations;
+    options.own_steps = 0;
+    options.covariance = false;
+    options.multistart = false;
+    return options;
+  }
+
+  // The declared values, beside the effect at its start.
+  std::vector<double> declared_point(const Hypothesis& hypothesis) const {
+    std::vector<double> z = carried_over(*base_.hypothesis, base_.fitted.z, hypothesis);
+    for (std::size_t u = 0; u < z.size(); ++u) {
+      if (hypothesis.unknowns()[u].of_model) z[u] = 0.0;
+    }
+    return z;
   }
 
   const SearchData& data_;

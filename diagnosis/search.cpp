@@ -63,17 +63,6 @@ void Search::report(const std::string& step, double share) const {
   progress_(step, 0.05 + 0.85 * (1.0 - left * (1.0 - 0.5 * share)));
 }
 
-std::vector<FittedCandidate> Search::screened(const FittedCandidate& base, double begin, double end,
-                                              bool only_listed) const {
-  CandidateFilter wanted;
-  if (only_listed) {
-    wanted = [](const CandidateEffect& each) { return tier_of(each) == Tier::listed; };
-  }
-  return screen(data_, features_, base, wanted, [&](const std::string& step, double done) {
-    report(step, begin + done * (end - begin));
-  });
-}
-
 // Of the residuals in all windows, fitted and held out.
 ResidualFeatures Search::features_of(const FittedCandidate& each) const {
   Task whole = data_.train;
@@ -98,8 +87,7 @@ std::optional<FittedCandidate> Search::with_instruments_held(const FittedCandida
   std::optional<FittedCandidate> held;
   for (const FittedCandidate* now = &each;; now = &*held) {
     const Hypothesis& hypothesis = *now->hypothesis;
-    const std::vector<std::size_t> beyond =
-        hypothesis.instruments_beyond(now->fitted.z, data_.criteria.contradicted_sigmas);
+    const std::vector<std::size_t> beyond = instruments_beyond(hypothesis, now->fitted.z);
     if (beyond.empty()) return held;
     FittedCandidate next = *now;
     next.hypothesis = hypothesis.holding(beyond);
@@ -257,12 +245,6 @@ bool Search::is_needless(const FittedCandidate& best) const {
          tier_of(best.candidate) != Tier::listed;
 }
 
-// True if the best single effect leaves so much that it may only imitate a pair.
-bool Search::may_imitate_pair(const FittedCandidate& best) const {
-  const double left = (best.held_out.chi2 - 1.0) / (declared_.held_out.chi2 - 1.0);
-  return claims_.empty() && !is_explained(best) && left > 1.0 - data_.criteria.single_effect_share;
-}
-
 bool Search::add_effect() {
   if (is_complete()) return add_contradicted_instrument();
   if (add_effect_beside_current()) return true;
@@ -279,8 +261,7 @@ bool Search::add_effect() {
 // The effects of instruments that the current fit puts beyond what the model allows for.
 std::vector<CandidateEffect> Search::contradicted_instruments() const {
   const Hypothesis& hypothesis = *current_.hypothesis;
-  const std::vector<std::size_t> beyond =
-      hypothesis.instruments_beyond(current_.fitted.z, data_.criteria.contradicted_sigmas);
+  const std::vector<std::size_t> beyond = instruments_beyond(hypothesis, current_.fitted.z);
   std::vector<CandidateEffect> out;
   if (beyond.empty()) return out;
   for (CandidateEffect& each : candidate_effects(hypothesis.model(), data_.experiments)) {
@@ -336,25 +317,42 @@ bool Search::add_effect_beside_current() {
     unclaimed_ = {current_};
     unclaimed_.insert(unclaimed_.end(), candidates.begin(), candidates.end());
   }
-  if (claims_.empty() && tier_of(best.candidate) != Tier::listed && add_listed_pair(candidates)) {
-    return true;
+  if (!is_claimable(best)) {
+    if (add_contradicted_number(candidates)) return true;
+    if (is_explained() && !is_implausible()) return false;
+    // Effects that such instruments have absorbed are compared with the instruments held.
+    if (!instruments_beyond(*current_.hypothesis, current_.fitted.z).empty()) return false;
+    if (is_needless(best)) return false;
+    if (!is_gain(current_.held_out, best.held_out)) return add_with_second(candidates);
   }
-  if (is_claimable(best)) {
-    if (may_imitate_pair(best) &&
-        add_pair(candidates, Limits{best.total_loss(), data_.explained_chi2()})) {
-      return true;
-    }
-    const FittedCandidate winner = best;
-    claim(winner, std::move(candidates));
-    return true;
-  }
-  if (add_contradicted_number(candidates)) return true;
-  if (is_explained() && !is_implausible()) return false;
-  if (add_pair(candidates, std::nullopt)) return true;
-  if (is_needless(best) || !is_gain(current_.held_out, best.held_out)) return false;
   const FittedCandidate winner = best;
   claim(winner, std::move(candidates));
   return true;
+}
+
+// The best candidate and a second one beside it, where it takes both to gain beyond chance: the
+// first of several effects may make worse where the others act, as friction does, for example,
+// without the constant force that compensates it in one direction.
+bool Search::add_with_second(std::vector<FittedCandidate> firsts) {
+  const FittedCandidate first = firsts.front();
+  if (!(first.total_loss() < current_.total_loss())) return false;
+  const FittedCandidate before = current_;
+  claim(first, std::move(firsts));
+  std::vector<FittedCandidate> seconds =
+      finalists(data_, features_, current_,
+                [&](const std::string& step, double done) { report(step, 0.5 * done); });
+  if (!seconds.empty()) {
+    fit_finalists(seconds);
+    const FittedCandidate second = seconds.front();
+    if (is_gain(before.held_out, second.held_out) && is_gain(current_.held_out, second.held_out)) {
+      claim(second, std::move(seconds));
+      return true;
+    }
+  }
+  claims_.pop_back();
+  current_ = before;
+  features_ = features_of(current_);
+  return false;
 }
 
 // Beside effects that were claimed already, an unlisted one that leaves more than the noise stands
@@ -372,7 +370,7 @@ void Search::prefer_listed(std::vector<FittedCandidate>& candidates) const {
   }
 }
 
-// True if the best candidate is claimed without a search for pairs. Beside effects that were
+// True if the best candidate is claimed before a contradicted number. Beside effects that were
 // claimed already a listed one may take little of what is left; anything else would only absorb it.
 bool Search::is_claimable(const FittedCandidate& best) const {
   if (is_needless(best)) return false;
@@ -406,126 +404,6 @@ bool Search::add_contradicted_number(std::vector<FittedCandidate> candidates) {
     return true;
   }
   return false;
-}
-
-// Tries two listed effects before the best candidate, an unlisted one, is claimed.
-bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
-  std::vector<FittedCandidate> listed;
-  for (const FittedCandidate& each : candidates) {
-    if (tier_of(each.candidate) == Tier::listed) listed.push_back(each);
-  }
-  if (listed.empty()) return false;
-  const Criteria& criteria = data_.criteria;
-  const FittedCandidate& unlisted = candidates.front();
-  // A formula is as simple as two listed effects; a drawn shape is not.
-  const double best = unlisted.total_loss();
-  const double gain = current_.total_loss() - best;
-  const double enough = tier_of(unlisted.candidate) == Tier::free_form
-                            ? current_.total_loss() - criteria.pair_over_shape_share * gain
-                            : best;
-  // A candidate that leaves only noise is not replaced by a pair that leaves more.
-  const bool only_noise =
-      data_.noise_is_known && unlisted.held_out.chi2 < criteria.noise_floor_chi2;
-  return add_pair(listed, Limits{std::max(enough, best + criteria.claim_nats),
-                                 only_noise ? criteria.noise_floor_chi2 : data_.explained_chi2()});
-}
-
-// Second effects for one first effect, the best of them fitted on all windows.
-std::optional<Search::Pair> Search::pair_with(const std::vector<FittedCandidate>& firsts,
-                                              std::size_t first, bool only_listed,
-                                              double begin) const {
-  const Effort& effort = data_.criteria.effort;
-  std::vector<FittedCandidate> candidates =
-      screened(firsts[first], begin, begin + 0.1, only_listed);
-  if (candidates.empty()) return std::nullopt;
-  const std::size_t fitted = std::min(effort.pair_second_effects, candidates.size());
-  const std::size_t kept = std::min(effort.listed_finalists, candidates.size());
-  const auto at = [&](std::size_t i) {
-    return std::make_move_iterator(candidates.begin() + static_cast<std::ptrdiff_t>(i));
-  };
-  Pair pair;
-  pair.first = first;
-  pair.seconds.assign(at(0), at(fitted));
-  pair.others.assign(at(fitted), at(kept));
-  fit_and_score(data_, current_.held_out, pair.seconds);
-  restart_best(data_, *declared_.hypothesis, current_.held_out, pair.seconds);
-  rank(pair.seconds, data_, current_.held_out, seed());
-  pair.best = pair.seconds.front();
-  pair.best.candidate = firsts[first].candidate;
-  return pair;
-}
-
-// The pair with the least loss, unless one that begins with a simpler rival is preferred.
-std::size_t Search::preferred_pair(const std::vector<Pair>& pairs,
-                                   const std::vector<FittedCandidate>& firsts) const {
-  const Criteria& criteria = data_.criteria;
-  std::size_t lowest = 0;
-  for (std::size_t i = 1; i < pairs.size(); ++i) {
-    if (pairs[i].best.total_loss() < pairs[lowest].best.total_loss()) lowest = i;
-  }
-  const double gain = current_.total_loss() - pairs[lowest].best.total_loss();
-  std::size_t chosen = lowest;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (complexity_of(firsts[pairs[i].first], criteria) <
-            complexity_of(firsts[pairs[chosen].first], criteria) &&
-        is_preferred(pairs[i].best, pairs[lowest].best, gain, criteria)) {
-      chosen = i;
-    }
-  }
-  return chosen;
-}
-
-// Gives the second effect as many rivals as a single effect has.
-void Search::complete_seconds(Pair& pair) {
-  fit_and_score(data_, current_.held_out, pair.others);
-  for (FittedCandidate& other : pair.others) pair.seconds.push_back(std::move(other));
-  rank(pair.seconds, data_, current_.held_out, seed());
-  for (const FittedCandidate& second : pair.seconds) {
-    add_trial({pair.best.candidate, second.candidate}, claims_.size() + 1, second,
-              current_.held_out);
-  }
-}
-
-void Search::claim_pair(std::vector<Pair> pairs, std::size_t chosen, const FittedCandidate& first) {
-  const double chi2_alone = first.held_out.chi2;
-  Claim claimed;
-  claimed.candidate = pairs[chosen].best.candidate;
-  claimed.chi2_before = current_.held_out.chi2;
-  claimed.chi2_after = chi2_alone;
-  claimed.gain = score_gain(current_.held_out, first.held_out);
-  for (Pair& pair : pairs) claimed.rivals.push_back(std::move(pair.best));
-  move_to_front(claimed.rivals, chosen);
-  claims_.push_back(std::move(claimed));
-  std::vector<FittedCandidate> seconds = std::move(pairs[chosen].seconds);
-  const FittedCandidate winner = seconds.front();
-  claim(winner, std::move(seconds));
-  claims_.back().chi2_before = chi2_alone;
-  claims_.back().gain = score_gain(first.held_out, winner.held_out);
-}
-
-// Two effects that each gain little alone may explain much together: friction, for example, and a
-// constant force that compensates it in one direction. With `limits`, only a pair that leaves no
-// more is claimed, and the second effect is a listed one.
-bool Search::add_pair(const std::vector<FittedCandidate>& firsts,
-                      const std::optional<Limits>& limits) {
-  std::vector<Pair> pairs;
-  const std::size_t count = std::min(firsts.size(), data_.criteria.effort.pair_first_effects);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double begin = 0.6 + 0.4 * static_cast<double>(i) / static_cast<double>(count);
-    auto pair = pair_with(firsts, i, limits.has_value(), begin);
-    if (pair) pairs.push_back(std::move(*pair));
-  }
-  if (pairs.empty()) return false;
-  const std::size_t chosen = preferred_pair(pairs, firsts);
-  complete_seconds(pairs[chosen]);
-  const FittedCandidate& winner = pairs[chosen].seconds.front();
-  if (!is_major_gain(current_.held_out, winner.held_out)) return false;
-  if (limits && (winner.held_out.chi2 > limits->chi2 || winner.total_loss() > limits->loss)) {
-    return false;
-  }
-  const FittedCandidate& first = firsts[pairs[chosen].first];
-  claim_pair(std::move(pairs), chosen, first);
-  return true;
 }
 
 // The declared model with all claimed effects but one, at their fitted parameters; none where the

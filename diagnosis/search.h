@@ -68,22 +68,7 @@ class Search {
   Detection detection() const;
 
  private:
-  // Held-out loss and chi-squared that a pair of effects may leave at most.
-  struct Limits {
-    double loss = 0.0;
-    double chi2 = 0.0;
-  };
-  // A first effect of a pair with its second effects.
-  struct Pair {
-    std::size_t first = 0;                 // index into the first effects
-    FittedCandidate best;                  // under the name of the first effect
-    std::vector<FittedCandidate> seconds;  // ranked
-    std::vector<FittedCandidate> others;   // screened only
-  };
-
   void report(const std::string& step, double share) const;
-  std::vector<FittedCandidate> screened(const FittedCandidate& base, double begin, double end,
-                                        bool only_listed) const;
   std::uint64_t seed() const { return data_.seed + claims_.size(); }
   double least_gain(std::optional<std::size_t> without = {}) const;
   bool is_gain(const HeldOut& before, const HeldOut& after, double least_chi2) const {
@@ -104,6 +89,11 @@ class Search {
     return is_major_gain(before, after, least_gain());
   }
 
+  // Unknowns of instruments beyond what the model allows for.
+  std::vector<std::size_t> instruments_beyond(const Hypothesis& hypothesis,
+                                              std::span<const double> z) const {
+    return hypothesis.instruments_beyond(z, data_.criteria.contradicted_sigmas);
+  }
   ResidualFeatures features_of(const FittedCandidate& each) const;
   std::optional<FittedCandidate> with_instruments_held(const FittedCandidate& each) const;
   void continue_from(const FittedCandidate& next);
@@ -116,6 +106,7 @@ class Search {
   bool add_contradicted_number(std::vector<FittedCandidate> candidates);
   bool is_contradicted(const FittedCandidate& each) const;
   bool add_effect_beside_current();
+  bool add_with_second(std::vector<FittedCandidate> firsts);
   std::vector<CandidateEffect> contradicted_instruments() const;
   bool add_contradicted_instrument();
   bool is_complete() const;
@@ -125,17 +116,7 @@ class Search {
   void add_differences(std::vector<FittedCandidate>& candidates) const;
   std::vector<FittedCandidate> differing(const FittedCandidate& each) const;
   void fit_finalists(std::vector<FittedCandidate>& candidates);
-  bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
-  bool may_imitate_pair(const FittedCandidate& best) const;
   bool is_needless(const FittedCandidate& best) const;
-
-  bool add_pair(const std::vector<FittedCandidate>& firsts, const std::optional<Limits>& limits);
-  std::optional<Pair> pair_with(const std::vector<FittedCandidate>& firsts, std::size_t first,
-                                bool only_listed, double begin) const;
-  std::size_t preferred_pair(const std::vector<Pair>& pairs,
-                             const std::vector<FittedCandidate>& firsts) const;
-  void complete_seconds(Pair& pair);
-  void claim_pair(std::vector<Pair> pairs, std::size_t chosen, const FittedCandidate& first);
 
   std::vector<std::size_t> by_need() const;
   bool swap_effect();

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gains over windows: what counts as beyond chance.
+#include "diagnosis/held_out.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace stickslip::diagnosis {
+namespace {
+
+HeldOut with_losses(std::vector<double> loss) {
+  HeldOut out;
+  out.chi2 = 100.0;
+  out.typical_chi2 = 100.0;
+  out.loss = std::move(loss);
+  return out;
+}
+
+// Relative to no loss at all: what was lost before is the gain.
+HeldOut nothing_lost(std::size_t windows) {
+  HeldOut out = with_losses(std::vector<double>(windows, 0.0));
+  out.chi2 = 10.0;
+  return out;
+}
+
+// Twelve windows gain, one of them as much as all others together fifty times: the standard error
+// shows chance.
+TEST(Gain, OfEveryWindowCountsHoweverUnequal) {
+  std::vector<double> gains{3.0, 5.0, 2.0, 4.0, 6.0, 3.0, 4.0, 5.0, 2.0, 3.0, 4.0, 2000.0};
+  const HeldOut before = with_losses(gains);
+  const HeldOut after = nothing_lost(gains.size());
+  EXPECT_LT(gain_z(before, after), 1.5);
+  EXPECT_DOUBLE_EQ(sign_chance(before, after), 1.0 / 4096.0);
+  EXPECT_TRUE(is_gain(before, after, false, {}, 0.0));
+}
+
+TEST(Gain, OfFewWindowsIsChance) {
+  std::vector<double> gains(20, 0.1);
+  for (std::size_t w = 0; w < gains.size(); w += 2) gains[w] = -0.1;
+  gains[3] = gains[12] = gains[17] = 300.0;
+  const HeldOut before = with_losses(gains);
+  const HeldOut after = nothing_lost(gains.size());
+  EXPECT_GT(sign_chance(before, after), 0.05) << "three windows have eight sets of signs";
+  EXPECT_FALSE(is_gain(before, after, false, {}, 0.0));
+}
+
+// Heavy tails, for which a standard error holds nothing: the share below a level is the level.
+TEST(Gain, ByChanceIsAsRareAsItsLevel) {
+  std::mt19937_64 random(7);
+  std::cauchy_distribution<double> gain;
+  for (const std::size_t windows : {std::size_t{12}, std::size_t{30}}) {
+    int below = 0;
+    constexpr int trials = 200;
+    for (int trial = 0; trial < trials; ++trial) {
+      std::vector<double> gains(windows);
+      for (double& each : gains) each = gain(random);
+      if (sign_chance(with_losses(gains), nothing_lost(windows)) < 0.1) ++below;
+    }
+    EXPECT_NEAR(below, 0.1 * trials, 17) << "four standard deviations; " << windows << " windows";
+  }
+}
+
+}  // namespace
+}  // namespace stickslip::diagnosis
