@@ -20,6 +20,18 @@ double window_loss(double chi2, int count) {
   return 0.5 * count * std::log1p(chi2 / std::max(1, count));
 }
 
+double likelihood_loss(const Fit& fitted, std::size_t w) {
+  return window_loss(fitted.chi2[w], fitted.count[w]) + fitted.state_cost[w];
+}
+
+FitOptions states_only() {
+  FitOptions options;
+  options.parameters_free = false;
+  options.iterations = 12;
+  options.tolerance = 1.0e-3;
+  return options;
+}
+
 // True for a gain that is certain although few windows show it, as of an effect that matters at
 // large amplitudes only: the spread over windows is not informative then. Only where the noise is
 // known, and losses are likelihoods. The best window alone is no proof, and few windows may become
@@ -60,6 +72,7 @@ double HeldOut::total_loss() const {
 HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothesis,
                  std::span<const double> z, bool noise_is_known) {
   HeldOut out;
+  out.fitted = fitted;
   out.chi2 = fitted.chi2_per_sample();
   std::vector<double> by_window;
   for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
@@ -68,7 +81,7 @@ HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothes
   out.typical_chi2 = median(std::move(by_window));
   if (noise_is_known) {
     for (std::size_t w = 0; w < fitted.chi2.size(); ++w) {
-      out.loss.push_back(window_loss(fitted.chi2[w], fitted.count[w]) + fitted.state_cost[w]);
+      out.loss.push_back(likelihood_loss(fitted, w));
     }
     out.prior_penalty = prior_penalty(hypothesis, z);
   } else {
@@ -82,12 +95,27 @@ HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothes
 
 HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
                        std::span<const double> z, bool noise_is_known) {
-  FitOptions states_only;
-  states_only.parameters_free = false;
-  states_only.iterations = 12;
-  states_only.tolerance = 1.0e-3;
-  const Fit fitted = fit_states(held_out, hypothesis, z, states_only);
+  const Fit fitted = fit_states(held_out, hypothesis, z, states_only());
   return score_of(fitted, held_out, hypothesis, z, noise_is_known);
+}
+
+HeldOut rescored_from(const HeldOut& other, const Hypothesis& other_hypothesis,
+                      const Task& held_out, const Hypothesis& hypothesis, std::span<const double> z,
+                      const HeldOut& found, bool noise_is_known) {
+  FitOptions options = states_only();
+  options.multistart = false;
+  const Fit again =
+      fit(held_out, hypothesis, {z.begin(), z.end()},
+          warm_start_states(other.fitted.state, held_out, other_hypothesis, hypothesis), options);
+  Fit best = found.fitted;
+  for (std::size_t w = 0; w < best.chi2.size(); ++w) {
+    if (!(likelihood_loss(again, w) < likelihood_loss(best, w))) continue;
+    best.chi2[w] = again.chi2[w];
+    best.count[w] = again.count[w];
+    best.state[w] = again.state[w];
+    best.state_cost[w] = again.state_cost[w];
+  }
+  return score_of(best, held_out, hypothesis, z, noise_is_known);
 }
 
 ScoreGain score_gain(const HeldOut& before, const HeldOut& after) {

@@ -17,6 +17,7 @@ struct HeldOut {
   /// Half the sum of squares of the calibrated parameters' distances from their declared values, in
   /// standard deviations [nat]; 0 where the noise is not known and losses are no likelihoods.
   double prior_penalty = 0.0;
+  Fit fitted;  ///< of the window states
 
   /// Losses of all windows and the prior penalty.
   double total_loss() const;
@@ -32,6 +33,12 @@ double prior_penalty(const Hypothesis& hypothesis, std::span<const double> z);
 /// then of predictions ahead.
 HeldOut held_out_score(const Task& held_out, const Hypothesis& hypothesis,
                        std::span<const double> z, bool noise_is_known);
+
+/// The score with window states that are also fitted from those of another hypothesis and its
+/// score. No hypothesis is worse than another because some of its windows ended in local minima.
+HeldOut rescored_from(const HeldOut& other, const Hypothesis& other_hypothesis,
+                      const Task& held_out, const Hypothesis& hypothesis, std::span<const double> z,
+                      const HeldOut& found, bool noise_is_known);
 
 /// The same of windows whose states are fitted already.
 HeldOut score_of(const Fit& fitted, const Task& task, const Hypothesis& hypothesis,

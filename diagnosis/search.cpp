@@ -182,11 +182,25 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
   restart_best(data_, *declared_.hypothesis, current_.held_out, candidates);
+  share_states(candidates);
   if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
     add_trial({each.candidate}, claims_.size(), each, current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
+}
+
+// No candidate gains by what the present model, in the states of its windows, could have found.
+void Search::share_states(std::vector<FittedCandidate>& candidates) {
+  const auto best = std::min_element(candidates.begin(), candidates.end(),
+                                     [](const FittedCandidate& a, const FittedCandidate& b) {
+                                       return a.total_loss() < b.total_loss();
+                                     });
+  if (best == candidates.end()) return;
+  current_.held_out =
+      rescored_from(best->held_out, *best->hypothesis, data_.held_out, *current_.hypothesis,
+                    current_.fitted.z, current_.held_out, data_.noise_is_known);
+  for (FittedCandidate& each : candidates) each.gain_z = gain_z(current_.held_out, each.held_out);
 }
 
 // The listed effects with a size that differs between the recordings: in each, and, where that

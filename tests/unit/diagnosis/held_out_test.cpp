@@ -7,6 +7,8 @@
 
 #include <random>
 
+#include "tests/unit/diagnosis/bench.h"
+
 namespace stickslip::diagnosis {
 namespace {
 
@@ -59,6 +61,27 @@ TEST(Gain, ByChanceIsAsRareAsItsLevel) {
       if (sign_chance(with_losses(gains), nothing_lost(windows)) < 0.1) ++below;
     }
     EXPECT_NEAR(below, 0.1 * trials, 17) << "four standard deviations; " << windows << " windows";
+  }
+}
+
+// A window in a local minimum makes a hypothesis no worse than one that found the states.
+TEST(Gain, IsNotThatOfAnotherStartOfAWindow) {
+  const std::vector<Experiment> experiments = {
+      test::experiment_of(test::record(test::driven_mass(), 12.0), test::driven_mass())};
+  const Task task = test::all_windows(experiments);
+  const Hypothesis hypothesis(test::driven_mass());
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  const HeldOut found = held_out_score(task, hypothesis, z, true);
+  Fit lost = found.fitted;
+  lost.chi2[2] *= 50.0;
+  lost.state[2].fill(1.0);
+  const HeldOut stuck = score_of(lost, task, hypothesis, z, true);
+  ASSERT_GT(stuck.loss[2], found.loss[2] + 10.0);
+  const HeldOut mended = rescored_from(found, hypothesis, task, hypothesis, z, stuck, true);
+  EXPECT_NEAR(mended.loss[2], found.loss[2], 0.01);
+  EXPECT_NEAR(mended.chi2, found.chi2, 0.01);
+  for (std::size_t w = 0; w < found.loss.size(); ++w) {
+    EXPECT_LE(mended.loss[w], stuck.loss[w]) << w;
   }
 }
 
