@@ -263,9 +263,9 @@ void add_diagnose(CLI::App& app, Action& action) {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
   describe(*command,
-           {.examples = {{"Write the report as JSON and HTML, and the amended model",
+           {.examples = {{"Write the report as JSON and HTML, and the augmented model",
                           "stickslip diagnose run.log --model model.toml --json report.json --html "
-                          "report.html --write-model amended.toml"},
+                          "report.html --write-model mended.toml"},
                          {"Estimate the rate of false findings",
                           "stickslip diagnose run.log --model model.toml --bootstrap 10"},
                          {"Compare recordings under different loads, and predict one of them",
