@@ -82,8 +82,8 @@ std::string windows_text(const Diagnosis& d) {
 
 std::string probability_of(const Diagnosis& d, const Finding& finding) {
   const auto explanation = [](const CandidateEffect& effect, double probability) {
-    return escape_html(effect_name(effect)) + " (<b>" + escape_html(format_percent(probability)) +
-           "</b>)";
+    return with_probability(escape_html(effect_name(effect)),
+                            "<b>" + escape_html(format_percent(probability)) + "</b>");
   };
   const std::size_t named = has_rival(finding) ? 1 : 0;
   std::string out = "<p>Likely missing: " + explanation(finding.candidate(), finding.probability);
@@ -94,8 +94,9 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
   out += ".";
   if (finding.alternatives.size() > named) {
     const Alternative& next = finding.alternatives[named];
-    out += escape_html(" Also possible: " + effect_name(next.candidate) + " (" +
-                       format_percent(next.probability) + ").");
+    out += escape_html(
+        " Also possible: " +
+        with_probability(effect_name(next.candidate), format_percent(next.probability)) + ".");
   }
   const Trial* trial = trial_of(d, finding);
   if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {

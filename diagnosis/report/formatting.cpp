@@ -184,6 +184,12 @@ std::string format_percent(double share) {
   return printed("%.*g", 3, 100.0 * share) + "\u00a0%";
 }
 
+std::string with_probability(std::string name, const std::string& percent) {
+  const bool has_notes = name.ends_with(')');
+  if (has_notes) name.pop_back();
+  return name + (has_notes ? ", " : " (") + percent + ")";
+}
+
 std::string channel_name(Channel channel) { return plain_text(std::string(info(channel).stem)); }
 
 std::string plain_text(std::string text) {

@@ -40,6 +40,9 @@ std::string distinct_text(double number, double value);
 /// "90 %", "> 99.9 %", "< 0.1 %"; to be escaped for HTML.
 std::string format_percent(double share);
 
+/// "end stop (30 %)", "wrong gain (velocity, 30 %)".
+std::string with_probability(std::string name, const std::string& percent);
+
 /// "0.4 s", for durations set by a user or an option.
 std::string format_seconds(double seconds, const physics::ResultUnits& units);
 

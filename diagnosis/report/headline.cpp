@@ -132,11 +132,11 @@ Answer answer_of(const Diagnosis& d) {
 
 std::string explanations_text(const Finding& finding) {
   std::string out =
-      effect_name(finding.candidate()) + " (" + format_percent(finding.probability) + ")";
+      with_probability(effect_name(finding.candidate()), format_percent(finding.probability));
   if (!has_rival(finding)) return out;
   const Alternative& other = finding.alternatives.front();
-  return out + " or " + effect_name(other.candidate) + " (" + format_percent(other.probability) +
-         ")";
+  return out + " or " +
+         with_probability(effect_name(other.candidate), format_percent(other.probability));
 }
 
 std::string fit_remark(const Diagnosis& d) {

@@ -560,6 +560,8 @@ TEST(Formatting, NumbersAndUnits) {
   EXPECT_EQ(unit_text("1", {}, physics::ResultUnits({})), "");
   EXPECT_EQ(unit_text("N s^2/m2", {}, physics::ResultUnits({})), "N s\u00b2/m\u00b2");
   EXPECT_EQ(format_percent(0.99999), ">\u00a099.9\u00a0%");
+  EXPECT_EQ(with_probability("end stop", "30 %"), "end stop (30 %)");
+  EXPECT_EQ(with_probability("wrong gain (velocity)", "30 %"), "wrong gain (velocity, 30 %)");
 }
 
 TEST(Formatting, IntervalSetsTheNumberOfDigits) {
