@@ -66,9 +66,9 @@ std::string trend_words(const Comparison& each) {
   const Trend& trend = *each.trend;
   std::string name = "coefficient";
   if (each.number.sharing == Sharing::power) {
-    name = trend.exponent ? "exponent" : "change by e-fold of " + each.number.condition;
+    name = trend.exponent ? "exponent" : "change per e-fold of " + each.number.condition;
   } else if (each.number.sharing == Sharing::linear) {
-    name = "change by unit of " + each.number.condition;
+    name = "change per unit of " + each.number.condition;
   }
   return name + " " + estimate_words(trend.value, trend.low, trend.high);
 }

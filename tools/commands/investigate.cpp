@@ -131,7 +131,8 @@ void add_settings(CLI::App& command, investigation::StudySettings& settings) {
       ->check(positive_number())
       ->capture_default_str();
   command
-      .add_option("--certain", settings.certain, "Probability from which a hypothesis is certain")
+      .add_option("--certain", settings.certain,
+                  "Probability from which on a hypothesis counts as certain")
       ->check(number_that([](double v) { return v > 0.5 && v < 1.0; }, "above 0.5 and below 1"))
       ->capture_default_str();
   command

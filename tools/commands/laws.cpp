@@ -66,8 +66,8 @@ int run(const Arguments& arguments, const Outputs& outputs) {
 
 void add_laws(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand(
-      "laws", "Compare the laws of friction by name: which one do recordings show");
+  CLI::App* command =
+      app.add_subcommand("laws", "Compare the laws of friction by name on recordings of a rig");
   add_input(*command, "RECORDING", arguments->recordings,
             "Recordings of one rig (LCM event logs or CSV)")
       ->required();
