@@ -134,9 +134,8 @@ A mapping of its numbers by their paths in the file, in SI units:
     model["oscillator.mass_kg"] = 96.2, 0.1  # value and standard deviation; sigma 0: exact
 
 What has no number yet is added in the text, Model.parse(model.text.replace(...)): a filter, a [[physics]]
-term, another law of friction ("coulomb", "stribeck", "dahl", "lugre", ...; `stickslip effects` lists them
-all, `stickslip effects lugre` explains one with its parameters). A change that a file could not have raises InputError and leaves
-the model as it was.)";
+term, another law of friction (`stickslip effects` lists the laws, `stickslip effects lugre` explains one
+with its parameters). A change that a file could not have raises InputError and leaves the model as it was.)";
 
 }  // namespace
 
