@@ -27,16 +27,49 @@ void read_input(Rig& rig, std::size_t channel, const Value& value) {
   read_source(*input, value.text());
 }
 
-void read_drive_readback(Rig& rig, std::size_t, const Value& value) {
-  auto& drive = rig.bench.readback.drive;
-  if (!drive) drive.emplace();
-  read_source(drive->input, value.text());
+template <auto Of>
+void read_readback(Rig& rig, std::size_t, const Value& value) {
+  auto& readback = rig.bench.readback.*Of;
+  if (!readback) readback.emplace();
+  read_source(readback->input, value.text());
 }
 
-void read_enable_readback(Rig& rig, std::size_t, const Value& value) {
-  auto& enable = rig.bench.readback.enable;
-  if (!enable) enable.emplace();
-  read_source(enable->input, value.text());
+constexpr Key readback_from(std::string_view path, std::string_view sentence) {
+  return {.path = path,
+          .sentence = sentence,
+          .need = Need::in_table,
+          .when = on_bench,
+          .only_then = true};
+}
+
+constexpr Key readback_range(std::string_view path) {
+  return {.path = path,
+          .unit = "V",
+          .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
+          .when = on_bench,
+          .only_then = true,
+          .low = 0,
+          .high = 20,
+          .above_low = true};
+}
+
+constexpr Key readback_differential(std::string_view path) {
+  return {.path = path,
+          .sentence = "That input is measured relative to its partner.",
+          .when = on_bench,
+          .only_then = true};
+}
+
+constexpr Key readback_delay(std::string_view path, std::string_view without) {
+  return {.path = path,
+          .unit = "s",
+          .sentence =
+              "Longest time from a command to its reading; a fault is found within three of it.",
+          .without = without,
+          .when = on_bench,
+          .only_then = true,
+          .low = 0.01,
+          .high = 5};
 }
 
 constexpr std::array bench_table = {
@@ -350,30 +383,16 @@ constexpr std::array bench_table = {
         .only_then = true,
         .low = 0,
         .high = 10}),
-    read_by<Rig, read_drive_readback>(
-        Type::text, Key{.path = "readback.drive.from",
-                        .sentence = "Spare input of the board at the output that drives the "
-                                    "shaker, such as labjack_u6/AIN12: an output that does not "
-                                    "follow its command is a fault (output_differs).",
-                        .need = Need::in_table,
-                        .when = on_bench,
-                        .only_then = true}),
+    read_by<Rig, read_readback<&Readback::drive>>(
+        Type::text,
+        readback_from("readback.drive.from",
+                      "Spare input of the board at the output that drives the shaker, such as "
+                      "labjack_u6/AIN12: an output that does not follow its command is a fault "
+                      "(output_differs).")),
     bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
-          &BenchInput::range_v>(
-        Key{.path = "readback.drive.range_v",
-            .unit = "V",
-            .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
-            .when = on_bench,
-            .only_then = true,
-            .low = 0,
-            .high = 20,
-            .above_low = true}),
+          &BenchInput::range_v>(readback_range("readback.drive.range_v")),
     bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
-          &BenchInput::differential>(
-        Key{.path = "readback.drive.differential",
-            .sentence = "That input is measured relative to its partner.",
-            .when = on_bench,
-            .only_then = true}),
+          &BenchInput::differential>(readback_differential("readback.drive.differential")),
     bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::gain>(
         Key{.path = "readback.drive.gain",
             .unit = "1",
@@ -400,40 +419,17 @@ constexpr std::array bench_table = {
             .low = 0,
             .high = 20,
             .above_low = true}),
-    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::delay_s>(
-        Key{.path = "readback.drive.delay_s",
-            .unit = "s",
-            .sentence =
-                "Longest time from a command to its reading; a fault is found within three of it.",
-            .without = "safety.longest_overrun_s, two packets and 0.05 s",
-            .when = on_bench,
-            .only_then = true,
-            .low = 0.01,
-            .high = 5}),
-    read_by<Rig, read_enable_readback>(
-        Type::text,
-        Key{.path = "readback.enable.from",
-            .sentence = "Spare input of the board at the amplifier's enable contact: a contact "
-                        "that does not follow its command is a fault (output_differs).",
-            .need = Need::in_table,
-            .when = on_bench,
-            .only_then = true}),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::delay_s>(readback_delay(
+        "readback.drive.delay_s", "safety.longest_overrun_s, two packets and 0.05 s")),
+    read_by<Rig, read_readback<&Readback::enable>>(
+        Type::text, readback_from("readback.enable.from",
+                                  "Spare input of the board at the amplifier's enable contact: a "
+                                  "contact that does not follow its command is a fault "
+                                  "(output_differs).")),
     bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::input,
-          &BenchInput::range_v>(
-        Key{.path = "readback.enable.range_v",
-            .unit = "V",
-            .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
-            .when = on_bench,
-            .only_then = true,
-            .low = 0,
-            .high = 20,
-            .above_low = true}),
+          &BenchInput::range_v>(readback_range("readback.enable.range_v")),
     bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::input,
-          &BenchInput::differential>(
-        Key{.path = "readback.enable.differential",
-            .sentence = "That input is measured relative to its partner.",
-            .when = on_bench,
-            .only_then = true}),
+          &BenchInput::differential>(readback_differential("readback.enable.differential")),
     bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::on_above_v>(
         Key{.path = "readback.enable.on_above_v",
             .unit = "V",
@@ -448,15 +444,9 @@ constexpr std::array bench_table = {
             .when = on_bench,
             .only_then = true}),
     bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::delay_s>(
-        Key{.path = "readback.enable.delay_s",
-            .unit = "s",
-            .sentence =
-                "Longest time from a command to its reading; a fault is found within three of it.",
-            .without = "as for the drive, 0.05 s for a relay, and 0.3 s for a line of a GPIO chip",
-            .when = on_bench,
-            .only_then = true,
-            .low = 0.01,
-            .high = 5}),
+        readback_delay("readback.enable.delay_s",
+                       "as for the drive, 0.05 s for a relay, and 0.3 s for a line of a GPIO "
+                       "chip")),
 };
 
 }  // namespace

@@ -36,7 +36,7 @@ constexpr std::array recording_table = {
         .without = "none"}),
     bound<&CampaignRecording::set>(
         Key{.path = "set",
-            .sentence = "Numbers of the model that are others in this recording, by their paths.",
+            .sentence = "Numbers of the model that differ in this recording, by their paths.",
             .without = "none"}),
     bound<&CampaignRecording::material>(
         Key{.path = "material", .sentence = "Materials in contact.", .without = "not stated"}),

@@ -32,8 +32,10 @@ std::optional<std::size_t> finding_of(const Diagnosis& d, const Comparison& comp
   return std::nullopt;
 }
 
-std::string span_text(double low, double high) {
-  return number_text(low, 3) + " to " + number_text(high, 3);
+// "0.4328 N (95 %: 0.4326 to 0.4331)"
+std::string estimate_words(double value, double low, double high, const std::string& unit = "") {
+  const EstimateText text = format_estimate(value, low, high);
+  return text.value + unit + " (95 %: " + text.low + " to " + text.high + ")";
 }
 
 std::string unit_after(const Diagnosis& d, const Comparison& each) {
@@ -64,12 +66,23 @@ std::string trend_words(const Comparison& each) {
   const Trend& trend = *each.trend;
   std::string name = "coefficient";
   if (each.number.sharing == Sharing::power) {
-    name = trend.exponent ? "exponent" : "change by e-fold of " + each.number.condition;
+    name = trend.exponent ? "exponent" : "change per e-fold of " + each.number.condition;
   } else if (each.number.sharing == Sharing::linear) {
-    name = "change by unit of " + each.number.condition;
+    name = "change per unit of " + each.number.condition;
   }
-  return name + " " + number_text(trend.value, 4) + " (95 %: " + span_text(trend.low, trend.high) +
-         ")";
+  return name + " " + estimate_words(trend.value, trend.low, trend.high);
+}
+
+// The value that the recordings share, its dependence and its spread.
+std::string shared_words(const Comparison& each, const std::string& unit) {
+  std::string out = each.number.path + ", " + sharing_words(each) + ": " +
+                    estimate_words(each.value, each.low, each.high, unit);
+  if (each.trend) out += "; " + trend_words(each);
+  if (each.spread) {
+    out +=
+        "; spread " + estimate_words(each.spread->value, each.spread->low, each.spread->high, unit);
+  }
+  return out;
 }
 
 std::string test_words(const Comparison& each) {
@@ -109,17 +122,10 @@ std::string conditions_text(const physics::Run& run) {
 
 void add_comparison(std::ostringstream& text, const Diagnosis& d, const Comparison& each) {
   const std::string unit = unit_after(d, each);
-  text << "    " << each.number.path << ", " << sharing_words(each) << ": "
-       << number_text(each.value, 4) << unit << " (95 %: " << span_text(each.low, each.high) << ")";
-  if (each.trend) text << ", " << trend_words(each);
-  if (each.spread) {
-    text << ", spread " << number_text(each.spread->value, 3) << unit
-         << " (95 %: " << span_text(each.spread->low, each.spread->high) << ")";
-  }
-  text << "\n";
+  text << "    " << shared_words(each, unit) << "\n";
   for (const OwnValue& own : each.own) {
     text << "      " << d.campaign->campaign.runs[own.recording].name << ": "
-         << number_text(own.value, 4) << unit << " (95 %: " << span_text(own.low, own.high) << ")"
+         << estimate_words(own.value, own.low, own.high, unit)
          << (own.disagrees ? ", disagrees" : "") << "\n";
   }
   text << "      " << test_words(each);
@@ -163,14 +169,7 @@ Json comparison_json(const Diagnosis& d, const Comparison& each) {
 
 Table comparison_table(const Diagnosis& d, const Comparison& each) {
   const std::string unit = unit_after(d, each);
-  std::string caption =
-      each.number.path + ", " + sharing_words(each) + ": " + number_text(each.value, 4) + unit;
-  if (each.trend) caption += "; " + trend_words(each);
-  if (each.spread) {
-    caption += "; spread " + number_text(each.spread->value, 3) + unit +
-               " (95 %: " + span_text(each.spread->low, each.spread->high) + ")";
-  }
-  Table table(caption + "; " + test_words(each) + ".",
+  Table table(shared_words(each, unit) + "; " + test_words(each) + ".",
               {"recording", "conditions", "value", "95 % interval", "agrees"});
   for (const OwnValue& own : each.own) {
     const physics::Run& run = d.campaign->campaign.runs[own.recording];
@@ -234,9 +233,9 @@ Section campaign_section(const Diagnosis& d) {
   Section out("campaign", "Recordings compared");
   if (!d.campaign) return out;
   out += paragraph(
-      "Every number as each recording by itself determines it, beside all others as fitted to the "
-      "whole campaign. Q: weighted sum of squares about what the recordings share (Cochran), "
-      "judged over all tables together (Holm, 5 %).");
+      "Each number as each recording determines it for itself, with all other numbers as fitted to "
+      "the whole campaign. Q: weighted sum of squares about what the recordings share (Cochran); "
+      "tenable: at 5 % over all tables together (Holm).");
   for (const bool of_findings : {true, false}) {
     for (const Comparison& each : d.campaign->comparisons) {
       if (finding_of(d, each).has_value() == of_findings) out += comparison_table(d, each).html();
@@ -246,13 +245,15 @@ Section campaign_section(const Diagnosis& d) {
     Table table("Held out: " + d.campaign->campaign.runs[each.recording].name +
                     ". RMS prediction error up to " +
                     format_seconds(d.horizon_s, physics::ResultUnits(d.model)) + " ahead.",
-                {"quantity", "declared model", "result"});
+                {"quantity", "declared model", "augmented model"});
     for (std::size_t c = 0; c < predicted_channels; ++c) {
       if (!each.baseline.rmse[c]) continue;
       const auto unit = physics::ResultUnits(d.model).of(channel_table[c].unit);
-      const auto& after = each.augmented.value_or(each.baseline).rmse[c];
-      table.row({escape_html(std::string(channel_table[c].stem)),
-                 format_quantity(*each.baseline.rmse[c], unit), format_quantity(*after, unit)});
+      const double before = *each.baseline.rmse[c];
+      const bool changed = each.augmented && each.augmented->rmse[c];
+      table.row({escape_html(channel_name(all_channels[c])), format_quantity(before, unit),
+                 changed ? format_quantity(*each.augmented->rmse[c], unit, before)
+                         : escape_html("the same")});
     }
     out += table.html();
   }

@@ -8,6 +8,7 @@
 #include "diagnosis/report/effect_picture.h"
 #include "diagnosis/report/formatting.h"
 #include "physics/catalogue.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 
 namespace stickslip::report {
@@ -165,7 +166,8 @@ A `[[physics]]` table of a model with `id` and these parameters adds an effect t
 a diagnosis fits the parameter; "fixed": it takes the default or what the recording suggests.
 Ranges limit what is plausible on a bench like the paper's. Pictures are drawn as in a report: the
 law of the effect, or where it is no function of one quantity, a loop or a reading with and without
-it.
+it. A law of friction by name is not an effect: [physics.md](physics.md#laws-of-friction-by-name) has
+them all, and `stickslip effects lugre` explains one.
 )";
 
 }  // namespace
@@ -174,12 +176,15 @@ std::string effects_list() {
   std::size_t width = 0;
   for (const Effect* effect : physics::catalogue())
     width = std::max(width, effect->card().id.size());
-  std::string out;
-  for (const Effect* effect : physics::catalogue()) {
+  const auto line = [width](const Effect* effect) {
     std::string id(effect->card().id);
     id.resize(width + 2, ' ');
-    out += id + std::string(effect->card().name) + "\n";
-  }
+    return id + std::string(effect->card().name) + "\n";
+  };
+  std::string out;
+  for (const Effect* effect : physics::catalogue()) out += line(effect);
+  out += "\nLaws of friction, for law = \"...\" in [friction] of a model:\n\n";
+  for (const Effect* law : physics::friction_laws()) out += line(law);
   return out;
 }
 
@@ -200,7 +205,11 @@ std::string effect_text(const Effect& effect, std::size_t columns) {
                    columns, "  ", "    ");
   }
   out += part("Acts on", place_text(effect));
-  out += part("Tier", tier_text(card));
+  if (card.law) {
+    out += part("Declared as", "[friction] law = \"" + std::string(card.id) + "\"");
+  } else {
+    out += part("Tier", tier_text(card));
+  }
   out += part("Shown best by", card.experiment);
   if (!card.rivals.empty())
     out += part("Resembles, in a poor recording", joined(rivals_of(card, false)));

@@ -10,10 +10,10 @@
 
 namespace stickslip::report {
 
-/// One line per effect: its id and its sentence.
+/// One line per effect, its id and its name; likewise the laws of friction.
 std::string effects_list();
 
-/// Formula, parameters, place, rivals and literature of one effect, wrapped to `columns`.
+/// Formula, parameters, place, rivals and literature of one effect or law, wrapped to `columns`.
 std::string effect_text(const physics::Effect& effect, std::size_t columns);
 
 /// The page docs/effects.md, which shows the pictures effects/ID.svg.

@@ -473,8 +473,9 @@ std::string friction_figures(const Diagnosis& d) {
     const AxisUnit x = axis_unit(largest_of(variable(friction.mended)), units.of(unit_name));
     LinePlot plot;
     plot.title = std::string("Friction over ") + name;
-    plot.description = std::string("The friction force over the ") + name +
-                       ": recorded, of the declared law, and of the mended one with its 95 % band.";
+    plot.description =
+        std::string("The friction force over the ") + name +
+        ": recorded, of the declared law, and of the augmented one with its 95 % band.";
     plot.x_label = with_unit(name, x.unit);
     plot.y_label = with_unit("friction force", force.unit);
     const auto at = scaled(variable(friction.mended), x.factor);
@@ -486,14 +487,16 @@ std::string friction_figures(const Diagnosis& d) {
       plot.series.push_back({"recorded", scaled(variable(friction.recorded), x.factor),
                              scaled(friction.recorded.force_n, force.factor), 0, true});
     }
-    plot.series.push_back({"declared", scaled(variable(friction.declared), x.factor),
-                           scaled(friction.declared.force_n, force.factor), 1});
-    plot.series.push_back({"mended", at, scaled(friction.mended.force_n, force.factor), 2});
+    plot.series.push_back(
+        without_way_back({"declared", scaled(variable(friction.declared), x.factor),
+                          scaled(friction.declared.force_n, force.factor), 1}));
+    plot.series.push_back({"augmented", at, scaled(friction.mended.force_n, force.factor), 2});
     return figure(
         line_plot_svg(plot),
-        std::string("Dots: the recording. Dashed: the declared law; thin: the mended one, "
-                    "its 95\u00a0% band shaded (where invisible, narrower than the line). "
-                    "Both under the mean load, in one cycle of the recorded size."));
+        std::string(friction.recorded.force_n.empty() ? "" : "Dots: the recording. ") +
+            "Dashed: the declared law; thin: the augmented one, its 95\u00a0% band shaded (where "
+            "invisible, narrower than the line). Both under the mean load, in one cycle of the "
+            "recorded size.");
   };
   return "<h3>The law of friction</h3>\n<div class=\"plots\">\n" +
          over("velocity", "m/s", [](const auto& each) { return each.velocity_m_s; }) +

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/report/first_screen.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -56,10 +57,10 @@ std::string where_answer(const Diagnosis& d) {
   std::string out = escape_html(plain_text(d.location->statement));
   for (const Region& worst : d.location->regions) {
     if (d.location->channel && worst.channel != *d.location->channel) continue;
-    out +=
-        escape_html(" Largest residual: " + channel_name(worst.channel) + " " + worst.words + ", " +
-                    format_number(std::sqrt(worst.energy)) + " times the noise (elsewhere " +
-                    format_number(std::sqrt(worst.energy_outside)) + ").");
+    out += escape_html(" Largest residual: " + channel_name(worst.channel) + " " +
+                       plain_text(worst.words) + ", " + format_number(std::sqrt(worst.energy)) +
+                       " times the noise (elsewhere " +
+                       format_number(std::sqrt(worst.energy_outside)) + ").");
     break;
   }
   return out;
@@ -81,8 +82,8 @@ std::string windows_text(const Diagnosis& d) {
 
 std::string probability_of(const Diagnosis& d, const Finding& finding) {
   const auto explanation = [](const CandidateEffect& effect, double probability) {
-    return escape_html(effect_name(effect)) + " (<b>" + escape_html(format_percent(probability)) +
-           "</b>)";
+    return with_probability(escape_html(effect_name(effect)),
+                            "<b>" + escape_html(format_percent(probability)) + "</b>");
   };
   const std::size_t named = has_rival(finding) ? 1 : 0;
   std::string out = "<p>Likely missing: " + explanation(finding.candidate(), finding.probability);
@@ -93,8 +94,9 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
   out += ".";
   if (finding.alternatives.size() > named) {
     const Alternative& next = finding.alternatives[named];
-    out += escape_html(" Also possible: " + effect_name(next.candidate) + " (" +
-                       format_percent(next.probability) + ").");
+    out += escape_html(
+        " Also possible: " +
+        with_probability(effect_name(next.candidate), format_percent(next.probability)) + ".");
   }
   const Trial* trial = trial_of(d, finding);
   if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
@@ -225,7 +227,7 @@ const char* verdict_text(Answer kind) {
     case Answer::partial:
       return "Verdict: missing physics, not all of it identified";
     case Answer::ambiguous:
-      return "Verdict: missing physics, two explanations remain";
+      return "Verdict: missing physics, more than one explanation";
     case Answer::unexplained:
       break;
   }
@@ -248,10 +250,12 @@ const char* style_of(Answer kind) {
 }
 
 std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
-  std::string out = "<p class=\"soft\">" + escape_html("Recording ");
+  std::string out =
+      "<p class=\"soft\">" + escape_html(d.integrity.size() > 1 ? "Recordings " : "Recording ");
+  // Behind the recordings: the model, and the campaign if there is one.
+  const std::size_t model = std::max<std::size_t>(1, d.integrity.size());
   for (std::size_t i = 0; i < provenance.files.size(); ++i) {
-    const bool model = i + 1 == provenance.files.size();
-    if (i > 0) out += model ? escape_html(", model ") : ", ";
+    if (i > 0) out += i < model ? ", " : i == model ? ", model " : ", campaign ";
     out += code(provenance.files[i].name);
   }
   double seconds = 0.0;
@@ -259,7 +263,9 @@ std::string subject_of(const Diagnosis& d, const Provenance& provenance) {
   if (seconds > 0.0)
     out += escape_html("; " + format_number(seconds) + ResultUnits(d.model).after_number("s") +
                        " recorded");
-  return out + escape_html(". The rig, with the fitted parameters: " + rig_description(d.model)) +
+  return out +
+         escape_html(". Declared physics, with the fitted parameters: " +
+                     rig_description(d.model)) +
          "</p>\n";
 }
 

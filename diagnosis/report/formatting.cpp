@@ -41,17 +41,44 @@ bool takes_prefix(std::string_view unit) {
   return unit == "m" || unit == "m/s" || unit == "N" || unit == "s";
 }
 
-// One part of a trial's name: "gain_error of velocity".
-std::string part_name(const std::string& part) {
+std::string with_notes(std::string_view name, const std::vector<std::string>& notes) {
+  std::string out(name);
+  for (const std::string& note : notes) out += (&note == &notes.front() ? " (" : ", ") + note;
+  return notes.empty() ? out : out + ")";
+}
+
+constexpr const char* in_each_recording = "different in each recording";
+
+// One part of a trial's name: "gain_error of velocity", "dry_friction with load_n".
+std::string part_name(std::string part) {
+  std::string sharing;
+  if (const std::size_t own = part.find(" in each recording"); own != std::string::npos) {
+    sharing = in_each_recording;
+    part.resize(own);
+  } else if (const std::size_t with = part.find(" with "); with != std::string::npos) {
+    sharing = "depending on " + part.substr(with + 6);
+    part.resize(with);
+  }
   const std::size_t of = part.find(" of ");
   const physics::Effect* effect = physics::find_effect(part.substr(0, of));
   if (effect == nullptr) return part;
-  std::string out(effect->card().name);
-  if (of != std::string::npos) out += " (" + plain_text(part.substr(of + 4)) + ")";
-  return out;
+  std::vector<std::string> notes;
+  if (of != std::string::npos) notes.push_back(plain_text(part.substr(of + 4)));
+  if (!sharing.empty()) notes.push_back(sharing);
+  return with_notes(effect->card().name, notes);
 }
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+bool is_in_word(char c) {
+  return is_digit(c) || c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+// True if a number with a minus stands at `at`.
+bool begins_negative(const std::string& text, std::size_t at) {
+  return text[at] == '-' && at + 1 < text.size() && is_digit(text[at + 1]) &&
+         (at == 0 || text[at - 1] == ' ' || text[at - 1] == '(');
+}
 
 // Numbers printed with an exponent ("2.5e-03") reformatted by format_number.
 std::string without_exponents(const std::string& text) {
@@ -68,7 +95,10 @@ std::string without_exponents(const std::string& text) {
     const auto [stop, error] = std::from_chars(*at == '+' ? at + 1 : at, end, value);
     const char* const exponent = std::find(at, stop, 'e');
     const bool scientific = error == std::errc() && exponent != stop && !is_digit(exponent[1]);
-    out += scientific ? format_number(value) : std::string(at, stop);
+    const std::string number(at, stop);
+    const auto place = static_cast<std::size_t>(at - text.data());
+    const bool negative = begins_negative(text, place);
+    out += scientific ? format_number(value) : negative ? with_minus(number) : number;
     at = stop;
   }
   return out;
@@ -140,10 +170,24 @@ EstimateText format_estimate(double value, double low, double high) {
   return {format_number(value, digits), end(low), end(high)};
 }
 
+std::string distinct_text(double number, double value) {
+  for (int digits = 3; digits <= 17; ++digits) {
+    const std::string text = physics::number_text(number, digits);
+    if (text != physics::number_text(value, digits)) return text;
+  }
+  return physics::number_text(number);
+}
+
 std::string format_percent(double share) {
   if (share > 0.999) return ">\u00a099.9\u00a0%";
   if (share < 0.001) return "<\u00a00.1\u00a0%";
   return printed("%.*g", 3, 100.0 * share) + "\u00a0%";
+}
+
+std::string with_probability(std::string name, const std::string& percent) {
+  const bool has_notes = name.ends_with(')');
+  if (has_notes) name.pop_back();
+  return name + (has_notes ? ", " : " (") + percent + ")";
 }
 
 std::string channel_name(Channel channel) { return plain_text(std::string(info(channel).stem)); }
@@ -152,6 +196,10 @@ std::string plain_text(std::string text) {
   for (const Channel channel : all_channels) {
     const std::string_view stem = info(channel).stem;
     for (std::size_t at = text.find(stem); at != std::string::npos; at = text.find(stem, at + 1)) {
+      const std::size_t end = at + stem.size();
+      // Part of another name: "friction_force_n".
+      if ((at > 0 && is_in_word(text[at - 1])) || (end < text.size() && is_in_word(text[end])))
+        continue;
       std::replace(text.begin() + static_cast<std::ptrdiff_t>(at),
                    text.begin() + static_cast<std::ptrdiff_t>(at + stem.size()), '_', ' ');
     }
@@ -163,8 +211,10 @@ std::string unit_text(std::string_view unit, const physics::Place& place,
                       const physics::ResultUnits& units) {
   constexpr std::string_view of_channel = "unit of the channel";
   if (units.of(unit) == "1") return "";
-  if (unit.starts_with(of_channel) && place.channel) {
-    return std::string(info(*place.channel).unit).append(unit.substr(of_channel.size()));
+  if (const std::size_t at = unit.find(of_channel); at != std::string_view::npos && place.channel) {
+    std::string name(info(*place.channel).unit);
+    if (at > 0 && name.find('/') != std::string::npos) name = "(" + name + ")";
+    return std::string(unit.substr(0, at)).append(name).append(unit.substr(at + of_channel.size()));
   }
   // "N/m3" or "N/m^3"
   std::string out;
@@ -184,14 +234,26 @@ std::string format_seconds(double seconds, const physics::ResultUnits& units) {
 }
 
 std::string effect_name(const diagnosis::CandidateEffect& candidate) {
-  std::string out(candidate.effect->card().name);
-  if (candidate.is_number()) return out + " (" + candidate.parameter + ")";
+  std::vector<std::string> notes;
+  if (candidate.is_number()) notes.push_back(candidate.parameter);
   if (candidate.place.channel) {
-    out += " (" + channel_name(*candidate.place.channel);
-    if (candidate.place.from) out += " from " + channel_name(*candidate.place.from);
-    out += ")";
+    notes.push_back(channel_name(*candidate.place.channel));
+    if (candidate.place.from) notes.back() += " from " + channel_name(*candidate.place.from);
   }
-  return out;
+  const physics::SharedNumber& shared = candidate.shared;
+  if (shared.sharing == physics::Sharing::proportional) {
+    notes.push_back("proportional to " + shared.condition);
+  } else if (physics::follows(shared.sharing)) {
+    notes.push_back("depending on " + shared.condition);
+  } else if (shared.sharing == physics::Sharing::own) {
+    notes.emplace_back(in_each_recording);
+  }
+  return with_notes(candidate.effect->card().name, notes);
+}
+
+std::string id_of(const diagnosis::CandidateEffect& candidate) {
+  const bool proportional = candidate.shared.sharing == physics::Sharing::proportional;
+  return candidate.name() + (proportional ? ", proportional" : "");
 }
 
 std::string trial_name(const std::string& id) {

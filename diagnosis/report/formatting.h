@@ -34,8 +34,14 @@ struct EstimateText {
 };
 EstimateText format_estimate(double value, double low, double high);
 
+/// For a terminal: at least three significant digits, and enough to differ from `value`.
+std::string distinct_text(double number, double value);
+
 /// "90 %", "> 99.9 %", "< 0.1 %"; to be escaped for HTML.
 std::string format_percent(double share);
+
+/// "end stop (30 %)", "wrong gain (velocity, 30 %)".
+std::string with_probability(std::string name, const std::string& percent);
 
 /// "0.4 s", for durations set by a user or an option.
 std::string format_seconds(double seconds, const physics::ResultUnits& units);
@@ -43,7 +49,8 @@ std::string format_seconds(double seconds, const physics::ResultUnits& units);
 /// "friction force"
 std::string channel_name(Channel channel);
 
-/// Program text as prose: channel names without underscores, numbers without an exponent.
+/// Program text as prose: channel names without underscores, numbers without an exponent and with a
+/// typographic minus.
 std::string plain_text(std::string text);
 
 /// The unit of a parameter as its catalogue entry states it, with that of its channel filled in;
@@ -51,8 +58,11 @@ std::string plain_text(std::string text);
 std::string unit_text(std::string_view unit, const physics::Place& place,
                       const physics::ResultUnits& units);
 
-/// "wrong gain (velocity)"
+/// "wrong gain (velocity)", "dry friction (proportional to load_n)"
 std::string effect_name(const diagnosis::CandidateEffect& candidate);
+
+/// Its id with its place: "gain_error of velocity", "dry_friction with load_n, proportional".
+std::string id_of(const diagnosis::CandidateEffect& candidate);
 
 /// The same from the id of a trial: "wrong gain (velocity) and ringing load cell".
 std::string trial_name(const std::string& id);

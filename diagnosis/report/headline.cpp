@@ -132,11 +132,11 @@ Answer answer_of(const Diagnosis& d) {
 
 std::string explanations_text(const Finding& finding) {
   std::string out =
-      effect_name(finding.candidate()) + " (" + format_percent(finding.probability) + ")";
+      with_probability(effect_name(finding.candidate()), format_percent(finding.probability));
   if (!has_rival(finding)) return out;
   const Alternative& other = finding.alternatives.front();
-  return out + " or " + effect_name(other.candidate) + " (" + format_percent(other.probability) +
-         ")";
+  return out + " or " +
+         with_probability(effect_name(other.candidate), format_percent(other.probability));
 }
 
 std::string fit_remark(const Diagnosis& d) {
@@ -148,17 +148,18 @@ std::string fit_remark(const Diagnosis& d) {
 
 std::string headline_of(const Diagnosis& d) {
   const std::string names = findings_text(d);
+  const bool several = d.integrity.size() > 1;
+  const std::string recording = several ? "recordings" : "recording";
   switch (answer_of(d)) {
     case Answer::consistent:
-      return "No missing physics: the model explains the recording to within the noise." +
+      return "No missing physics: the model explains the " + recording + " to within the noise." +
              plain_text(noise_level_text(d));
     case Answer::unexplained:
       return d.findings.empty()
-                 ? "The model and the recording disagree, and none of the candidate effects "
-                   "explains why."
-                 : "The model and the recording disagree, and the effects found explain only part "
-                   "of it: " +
-                       names + ".";
+                 ? "The model and the " + recording +
+                       " disagree, and none of the candidate effects explains why."
+                 : "The model and the " + recording +
+                       " disagree, and the effects found explain only part of it: " + names + ".";
     case Answer::partial:
       return "The model lacks " + number_of_effects(d) + ": " + names +
              ". Most of the mismatch is explained, not all: chi-squared per sample " +
@@ -170,8 +171,8 @@ std::string headline_of(const Diagnosis& d) {
       }
       const auto open = std::find_if(d.findings.begin(), d.findings.end(), is_ambiguous);
       return "The model lacks " + number_of_effects(d) + ", most likely " + names +
-             "; this recording alone does not rule out " +
-             effect_name(open->alternatives.front().candidate) + ".";
+             (several ? "; these recordings alone do not" : "; this recording alone does not") +
+             " rule out " + effect_name(open->alternatives.front().candidate) + ".";
     }
     case Answer::named:
       break;

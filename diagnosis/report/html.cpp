@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <utility>
 
@@ -57,7 +56,7 @@ std::string alternative_table(const Finding& finding) {
       "below 0.5 % are not listed.",
       {"candidate", "name", "probability", ""});
   const auto row = [&](const CandidateEffect& candidate, double probability) {
-    table.row({escape_html(effect_name(candidate)), code(candidate.name()),
+    table.row({escape_html(effect_name(candidate)), code(id_of(candidate)),
                escape_html(format_percent(probability)),
                "<div class=\"bar\">" + bar(probability) + "</div>"});
   };
@@ -100,10 +99,16 @@ Section findings_section(const Diagnosis& d) {
   return out;
 }
 
-std::string drive_noise_remark(const Evidence& evidence) {
-  return evidence.drive_noise_removed
-             ? " The contribution of the measurement noise of the drive is removed."
-             : "";
+// The recordings and the noise that the figures do not show.
+std::string evidence_remark(const Diagnosis& d) {
+  std::string out;
+  if (d.integrity.size() > 1) {
+    out = " Of the recordings only the first is drawn, " + d.integrity.front().source + ".";
+  }
+  if (d.evidence->drive_noise_removed) {
+    out += " The contribution of the measurement noise of the drive is removed.";
+  }
+  return out;
 }
 
 Section stretch_section(const Diagnosis& d) {
@@ -122,7 +127,7 @@ Section stretch_section(const Diagnosis& d) {
       ", with the held-out window in which the declared model fits worst." +
       (has_typical ? " Right: " + span(evidence.typical) + ", with a typical one." : "") +
       " Dotted lines: start of a window, with an initial state fitted to that window alone." +
-      drive_noise_remark(evidence));
+      evidence_remark(d));
   out += figures;
   Table table("Mean square of the residuals of the declared model over that of the noise.",
               {"windows", "residual"});
@@ -143,7 +148,8 @@ std::string region_table(const Diagnosis& d) {
       "bootstrap over windows).",
       {"channel", "condition", "residual", "elsewhere"});
   for (std::size_t i = 0; i < std::min(most, regions.size()); ++i) {
-    table.row({escape_html(channel_name(regions[i].channel)), escape_html(regions[i].words),
+    table.row({escape_html(channel_name(regions[i].channel)),
+               escape_html(plain_text(regions[i].words)),
                format_number(std::sqrt(regions[i].energy)),
                format_number(std::sqrt(regions[i].energy_outside))});
   }
@@ -182,7 +188,7 @@ Section residual_section(const Diagnosis& d) {
     out += paragraph(
         "Residual: recording minus simulation, divided by the noise of the channel; 1 is noise "
         "only. The figures show all windows, fitted and held out." +
-        drive_noise_remark(*d.evidence));
+        evidence_remark(d));
     out += figures;
   }
   out += balance_table(d);
@@ -237,8 +243,6 @@ Section calibration_section(const Diagnosis& d) {
               {"parameter", "declared", "calibrated", "95 % interval",
                "shift in declared standard deviations"});
   for (const Calibration& each : d.calibrated) {
-    char shift[32];
-    std::snprintf(shift, sizeof shift, "%.1f", std::abs(each.shift_sigmas));
     const EstimateText text = format_estimate(each.value, each.low, each.high);
     const bool known = each.high > each.low;
     table.row({code(each.path),
@@ -246,7 +250,7 @@ Section calibration_section(const Diagnosis& d) {
                    ? format_number(each.declared, 4) + " \u00b1 " + format_number(each.sigma, 2)
                    : std::string(),
                text.value, known ? text.low + " to " + text.high : "not known",
-               (each.shift_sigmas < 0.0 ? "\u2212" : "+") + std::string(shift)});
+               with_minus(physics::fixed_text(each.shift_sigmas, 1, true))});
   }
   out += table.html();
   out += calibration_figure(d);

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <iomanip>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <vector>
@@ -50,22 +49,36 @@ std::string estimate_text(const Estimate& each, const ResultUnits& units) {
 
 std::string score_text(const FittedLaw& law, bool is_first, const std::string& within) {
   if (is_first) return "0";
-  return physics::fixed_text(law.over_first.value, 1) + within +
-         physics::fixed_text(law.over_first.se, 1);
+  const auto& [value, error] = law.over_first;
+  const EstimateText text = format_estimate(value, value - error, value + error);
+  return text.value + within + format_number(error, 2);
+}
+
+// Filled up with blanks; a character of several bytes is one column.
+std::string column(std::string text, std::size_t columns) {
+  const auto begins = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; };
+  const auto used = static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins));
+  text.append(columns > used ? columns - used : 0, ' ');
+  return text;
 }
 
 std::string verdict_text(const FittedLaw& law, bool is_first) {
   if (is_first) return "preferred";
-  if (law.distinguished) return "worse";
-  return law.determined ? "not distinguished" : "not distinguished, not determined";
+  const std::string out = law.distinguished ? "worse" : "not distinguished";
+  return law.determined ? out : out + ", not determined";
 }
 
-const char* meaning_of_score(const LawComparison& comparison) {
-  return comparison.noise_is_known
-             ? "Score: log predictive density of windows that nothing was fitted to, over that of "
-               "the first law [nat], with its standard error over windows."
-             : "Score: that of predictions ahead in windows that nothing was fitted to, over that "
-               "of the first law, with its standard error over windows; the noise is not known.";
+std::string meaning_of_score(const LawComparison& comparison) {
+  const bool determined =
+      std::all_of(comparison.laws.begin(), comparison.laws.end(),
+                  [](const FittedLaw& law) { return law.determined || law.id == "none"; });
+  return std::string(comparison.noise_is_known
+                         ? "Score: log predictive density of windows that nothing was fitted to, "
+                           "less that of the first law [nat], with its standard error over windows."
+                         : "Score: that of predictions ahead in windows that nothing was fitted "
+                           "to, less that of the first law, with its standard error over windows; "
+                           "the noise is not known.") +
+         (determined ? "" : " Laws that the recording does not determine come last.");
 }
 
 }  // namespace
@@ -75,14 +88,13 @@ std::string laws_text(const LawComparison& comparison) {
   std::ostringstream out;
   const auto row = [&out](const std::string& law, const std::string& score, const std::string& chi2,
                           const std::string& verdict) {
-    out << std::left << std::setw(16) << law << std::setw(24) << score << std::setw(10) << chi2
-        << verdict << "\n";
+    out << column(law, 16) << column(score, 20) << column(chi2, 10) << verdict << "\n";
   };
   out << comparison.conclusion << "\n\n";
   row("law", "score", "chi2", "");
   for (const FittedLaw& law : comparison.laws) {
     const bool is_first = &law == &comparison.laws.front();
-    row(law.id, score_text(law, is_first, " +/- "), number_text(law.held_out.chi2_per_sample),
+    row(law.id, score_text(law, is_first, " +/- "), format_number(law.held_out.chi2_per_sample),
         verdict_text(law, is_first));
     for (const Estimate& each : law.parameters) {
       out << "    " << estimate_text(each, units) << "\n";
@@ -174,7 +186,8 @@ std::string picture(const LawComparison& comparison, const Picture& what) {
   int style = 1;
   for (const FittedLaw& law : comparison.laws) {
     if (!law.curves || style > 3 || what.x(*law.curves).empty()) continue;
-    plot.series.push_back({law.id, what.x(*law.curves), what.y(*law.curves), style++});
+    plot.series.push_back(
+        without_way_back({law.id, what.x(*law.curves), what.y(*law.curves), style++}));
   }
   if (style == 1) return "";
   const ResultUnits units = units_of(comparison);
@@ -191,7 +204,7 @@ std::string picture(const LawComparison& comparison, const Picture& what) {
 }
 
 Section pictures_section(const LawComparison& comparison) {
-  Section out("pictures", "The laws as the literature draws them");
+  Section out("pictures", "Curves of the laws");
   const RecordedFriction none;
   const RecordedFriction& recorded = comparison.recorded ? *comparison.recorded : none;
   std::string figures;
@@ -231,27 +244,29 @@ Section pictures_section(const LawComparison& comparison) {
   figures += picture(
       comparison,
       {.title = "Frictional lag",
-       .caption = "A sinusoid of velocity that stays positive, from a twentieth to twice the mean: "
-                  "friction is higher while the velocity grows than while it falls where it lags.",
+       .caption = "A velocity that swings between a twentieth of its mean and nearly twice it. "
+                  "Where friction lags, it is higher while the velocity grows than while it falls.",
        .x_name = "velocity",
        .x_unit = "m/s",
        .x = [](const LawCurves& c) -> const Values& { return c.lag_velocity_m_s; },
        .y = [](const LawCurves& c) -> const Values& { return c.lag_force_n; }});
-  if (!figures.empty()) out += "<div class=\"plots\">\n" + figures + "</div>\n";
+  if (figures.empty()) return out;
+  out += paragraph(
+      "The first laws of the table with their fitted parameters, as the literature draws them.");
+  out += "<div class=\"plots\">\n" + figures + "</div>\n";
   return out;
 }
 
 Section table_section(const LawComparison& comparison) {
   Section out("laws", "Laws and scores");
-  Table table(std::string(meaning_of_score(comparison)) +
+  Table table(meaning_of_score(comparison) +
                   " Chi-squared: per sample, on windows held out from fit and choice.",
               {"law", "name", "score", "chi-squared", ""});
   for (const FittedLaw& law : comparison.laws) {
     const bool is_first = &law == &comparison.laws.front();
-    table.row({code(law.id), escape_html(law.name),
-               escape_html(with_minus(score_text(law, is_first, " \u00b1 "))),
-               format_number(law.held_out.chi2_per_sample),
-               escape_html(verdict_text(law, is_first))});
+    table.row(
+        {code(law.id), escape_html(law.name), escape_html(score_text(law, is_first, " \u00b1 ")),
+         format_number(law.held_out.chi2_per_sample), escape_html(verdict_text(law, is_first))});
   }
   out += table.html();
   const ResultUnits units = units_of(comparison);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <tuple>
+#include <utility>
 
 #include "diagnosis/report/formatting.h"
 #include "diagnosis/report/html_elements.h"
@@ -361,7 +363,25 @@ std::string cells_of(const MapPlot& plot, const Axis& x, const Axis& y) {
   return out;
 }
 
+double change_along(const std::vector<double>& values) {
+  double out = 0.0;
+  for (std::size_t i = 1; i < values.size(); ++i) out += std::abs(values[i] - values[i - 1]);
+  return out;
+}
+
 }  // namespace
+
+Series without_way_back(Series cycle) {
+  std::vector<std::pair<double, double>> points;
+  for (std::size_t i = 0; i < cycle.x.size(); ++i) points.emplace_back(cycle.x[i], cycle.y[i]);
+  std::stable_sort(points.begin(), points.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  Series once = cycle;
+  for (std::size_t i = 0; i < points.size(); ++i) std::tie(once.x[i], once.y[i]) = points[i];
+  // One way is half of there and back; over a loop the sorted points jump between its branches.
+  constexpr double most = 0.6;
+  return change_along(once.y) <= most * change_along(cycle.y) ? once : cycle;
+}
 
 std::string line_plot_svg(const LinePlot& plot) {
   const Extent extent = extent_of(plot);

@@ -18,6 +18,9 @@ struct Series {
   bool dots = false;  ///< points, not joined
 };
 
+/// A cycle that returns on its own way, drawn once: dashes on dashes would be a line.
+Series without_way_back(Series cycle);
+
 /// An area between two curves.
 struct Band {
   std::string name;

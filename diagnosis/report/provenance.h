@@ -15,7 +15,7 @@ struct Provenance {
   std::string command;
   std::string version;
   std::uint64_t seed = 0;
-  /// The recordings in the order of the diagnosis, then the model.
+  /// The recordings in the order of the diagnosis, the model, and the campaign if there is one.
   struct File {
     std::string name;
     std::string sha256;

@@ -39,6 +39,7 @@ pre { background:var(--card); border:1px solid var(--rule); border-radius:6px; p
 .answers { display:grid; grid-template-columns:repeat(2, 1fr); gap:12px; margin:16px 0; }
 .answers div { background:var(--card); border:1px solid var(--rule); border-radius:6px;
   padding:10px 14px; }
+.answers div:last-child:nth-child(odd) { grid-column:1 / -1; }
 .answers dt { font-size:13px; font-weight:600; color:var(--soft); } .answers dd { margin:2px 0 0; }
 .answers b { font-size:20px; font-weight:600; font-variant-numeric:tabular-nums; }
 nav ul { list-style:none; padding:0; display:flex; flex-wrap:wrap; gap:4px 18px; margin:14px 0 0;

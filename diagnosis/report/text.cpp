@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <sstream>
 #include <vector>
 
 #include "diagnosis/report/campaign.h"
+#include "diagnosis/report/formatting.h"
 #include "diagnosis/report/headline.h"
 #include "physics/number_text.h"
 #include "physics/result_units.h"
@@ -20,15 +20,6 @@ using physics::ResultUnits;
 namespace {
 
 using physics::number_text;
-
-// At least three significant digits, and enough to differ from `value`.
-std::string distinct_text(double number, double value) {
-  for (int digits = 3; digits <= 17; ++digits) {
-    const std::string text = number_text(number, digits);
-    if (text != number_text(value, digits)) return text;
-  }
-  return number_text(number);
-}
 
 std::string percent(double share) { return number_text(100.0 * share) + " %"; }
 
@@ -85,12 +76,12 @@ std::string formula_text(const Estimate& estimate) {
 void add_preference(std::ostringstream& text, const Finding& finding) {
   if (finding.preferred_over.empty()) return;
   text << "       preferred, as the simpler or the listed one, to";
-  for (const CandidateEffect& each : finding.preferred_over) text << " " << each.name();
+  for (const CandidateEffect& each : finding.preferred_over) text << " " << id_of(each);
   text << ", which scores better\n";
 }
 
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
-  text << "  " << number << ". " << finding.candidate().name() << ": " << finding.statement << "\n";
+  text << "  " << number << ". " << id_of(finding.candidate()) << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
     text << "       " << estimate.name << " = " << number_text(estimate.value)
          << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
@@ -103,7 +94,7 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
        << percent(finding.probability) << "\n";
   add_preference(text, finding);
   for (const Alternative& each : finding.alternatives) {
-    text << "       alternative: " << each.candidate.name() << " (" << percent(each.probability)
+    text << "       alternative: " << id_of(each.candidate) << " (" << percent(each.probability)
          << ")\n";
   }
   if (finding.separating_experiment) {

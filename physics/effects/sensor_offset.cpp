@@ -15,7 +15,7 @@ constexpr std::array parameters = {ParameterCard{.name = "offset",
                                                  .positive = false,
                                                  .fixed_default = std::nullopt}};
 constexpr std::array<std::string_view, 2> rivals = {"bias_force", "asymmetric_friction"};
-constexpr std::array example = {0.5};
+constexpr std::array example = {0.002};
 constexpr Card entry = {
     .id = "sensor_offset",
     .relation = Relation::sensor,

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as xml
 from programs import SOURCE, main, stickslip
 
 IDS = sorted(path.stem for path in (SOURCE / "physics/effects").glob("*.cpp"))
+LAWS = sorted(path.stem for path in (SOURCE / "physics/laws").glob("*.cpp"))
 
 
 class Effects(unittest.TestCase):
@@ -15,9 +16,19 @@ class Effects(unittest.TestCase):
         self.assertEqual(run.stderr, "")
         return run.stdout
 
-    def test_the_list_has_one_line_per_effect(self):
-        lines = self.answer().splitlines()
-        self.assertEqual(sorted(line.split()[0] for line in lines), IDS)
+    def test_the_list_has_one_line_per_effect_and_per_law(self):
+        effects, heading, laws = self.answer().split("\n\n")
+        self.assertEqual(sorted(line.split()[0] for line in effects.splitlines()), IDS)
+        self.assertIn("Laws of friction", heading)
+        self.assertEqual(sorted(line.split()[0] for line in laws.splitlines()), LAWS)
+
+    def test_every_law_is_explained(self):
+        for name in LAWS:
+            with self.subTest(law=name):
+                self.assertIn(f'\nDeclared as\n  [friction] law = "{name}"\n', self.answer(name))
+        run = stickslip("effects", "lugre", "--svg")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("`stickslip laws --html` draws", run.stderr)
 
     def test_every_effect_is_explained(self):
         for name in IDS:

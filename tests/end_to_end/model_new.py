@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`stickslip model new`: on a terminal it asks, elsewhere its options answer; what was edited is kept."""
 import os
-import pty
-import re
-import select
-import subprocess
-import time
 
-from programs import PATIENCE_S, STICKSLIP, EndToEnd, main, stickslip
+from programs import STICKSLIP, EndToEnd, main, stickslip
+from pseudo_terminal import OnATerminal
 
 CSV = "time_s,displacement_m,drive_force_n\n" + "".join(
     f"{i / 100:.2f},{1e-3 * (i % 7)!r},{0.1 * (i % 3)!r}\n" for i in range(200))
@@ -15,39 +11,23 @@ ANSWERS = ("--excitation", "force", "--mass", "95 kg +- 5", "--spring", "none", 
            "--load", "none", "--friction", "none")
 
 
-class Dialogue:
-    """`stickslip ...` at a terminal of its own."""
+class Dialogue(OnATerminal):
+    """`stickslip ...` at a terminal of its own, with a person who answers."""
 
     def __init__(self, *arguments, cwd):
-        self.terminal, inside = pty.openpty()
-        environment = {**os.environ, "COLUMNS": "60", "TERM": "dumb"}
-        self.process = subprocess.Popen([STICKSLIP, *map(str, arguments)], stdin=inside, stdout=inside,
-                                        stderr=inside, cwd=cwd, env=environment, start_new_session=True)
-        os.close(inside)
-        self.shown = ""
+        super().__init__(STICKSLIP, *arguments, typing=True, cwd=cwd,
+                         env={**os.environ, "COLUMNS": "60", "TERM": "dumb"})
         self.answered = 0
-
-    def read_until(self, done, seconds=PATIENCE_S):
-        until = time.monotonic() + seconds
-        while not done(self.shown):
-            assert time.monotonic() < until, self.shown
-            if not select.select([self.terminal], [], [], 1)[0]:
-                continue
-            try:
-                self.shown += os.read(self.terminal, 65536).decode()
-            except OSError:  # the program has ended
-                return
 
     def answer(self, line):
         """Types the line at the next prompt."""
         self.answered += 1
-        self.read_until(lambda shown: len(re.findall(r"(?m)^> ", shown)) >= self.answered)
-        os.write(self.terminal, (line + "\n").encode())
+        self.wait_for(rf"(?s)(?:(?:^|\n)> .*?){{{self.answered}}}")
+        self.type(line + "\n")
 
-    def end(self):
-        self.read_until(lambda shown: False)
-        os.close(self.terminal)
-        return self.process.wait(60)
+    def status(self):
+        self.end()
+        return self.process.returncode
 
 
 class ModelNew(EndToEnd):
@@ -63,7 +43,7 @@ class ModelNew(EndToEnd):
         dialogue = Dialogue("model", "new", "--recording", "data.csv", cwd=self.folder)
         for line in ("", "heavy", "95 kg", "none", "300 N s/m", "", "", "displacement 1e-5, drive_force"):
             dialogue.answer(line)
-        self.assertEqual(dialogue.end(), 0, dialogue.shown)
+        self.assertEqual(dialogue.status(), 0, dialogue.shown)
         shown = self.expect_to_fit(dialogue.shown)
         for text in ("1/8 Excitation", "Enter: force", 'found "heavy"', "6/8 Friction",
                      "$ stickslip diagnose data.csv --model my-rig.toml"):
@@ -79,7 +59,7 @@ class ModelNew(EndToEnd):
         dialogue = Dialogue("model", "new", cwd=self.folder)
         dialogue.answer("base")
         dialogue.answer("\x04")
-        self.assertEqual(dialogue.end(), 2, dialogue.shown)
+        self.assertEqual(dialogue.status(), 2, dialogue.shown)
         self.assertIn("nothing is written", dialogue.shown)
         self.assertFalse(self.model.exists())
 
@@ -124,7 +104,7 @@ class ModelNew(EndToEnd):
     def test_an_existing_file_is_refused_before_the_first_question(self):
         self.model.write_text("by hand")
         dialogue = Dialogue("model", "new", cwd=self.folder)
-        self.assertEqual(dialogue.end(), 2, dialogue.shown)
+        self.assertEqual(dialogue.status(), 2, dialogue.shown)
         self.assertNotIn("1/8", dialogue.shown)
 
     def test_standard_output_is_the_model_alone(self):

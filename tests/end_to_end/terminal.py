@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress, colours and the live table on a pseudo terminal and in a pipe."""
-import fcntl
 import json
 import math
 import os
-import pty
 import re
-import select
 import signal
 import socket
 import struct
 import subprocess
-import termios
 import time
 
-from programs import PATIENCE_S, SOURCE, STICKSLIP, EndToEnd, main, run
+import pseudo_terminal
+from programs import SOURCE, STICKSLIP, EndToEnd, main, run
 
 GROUP = ("239.255.76.67", 7667)
 CSV = "time_s,displacement_m,friction_force_n\n" + "".join(
@@ -33,52 +30,8 @@ def environment(**changes):
     return out
 
 
-class OnATerminal:
-    """A program whose standard error (and output, unless `piped`) is a pseudo terminal."""
-
-    def __init__(self, *command, columns=80, lines=24, piped=False, env=None):
-        self.terminal, inside = pty.openpty()
-        fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
-        self.process = subprocess.Popen(
-            [str(part) for part in command], stdin=subprocess.DEVNULL, stderr=inside,
-            stdout=subprocess.PIPE if piped else inside, env=env or environment())
-        os.close(inside)
-        self.shown = ""
-        self.began = time.monotonic()
-        self.first_s = None  # time of its first output since its start
-        self.took_s = None
-
-    def read(self, seconds):
-        """Reads for this duration; False once the program has closed the terminal."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0:
-            if not select.select([self.terminal], [], [], left)[0]:
-                return True
-            try:
-                self.shown += os.read(self.terminal, 65536).decode(errors="replace")
-            except OSError:  # the other end is closed
-                return False
-            self.first_s = self.first_s or time.monotonic() - self.began
-        return True
-
-    def wait_for(self, pattern, seconds=PATIENCE_S):
-        until = time.monotonic() + seconds
-        while not re.search(pattern, self.shown):
-            assert time.monotonic() < until, f"{pattern} was not shown: {self.shown!r}"
-            assert self.read(0.1) or re.search(pattern, self.shown), \
-                f"{pattern} was not shown: {self.shown!r}"
-
-    def end(self, seconds=PATIENCE_S):
-        """The whole output, once the program has ended."""
-        until = time.monotonic() + seconds
-        while self.read(0.2):
-            assert time.monotonic() < until, self.shown
-        self.process.wait(seconds)
-        self.took_s = time.monotonic() - self.began
-        if self.process.stdout:
-            self.process.stdout.close()
-        os.close(self.terminal)
-        return self.shown
+def on_a_terminal(*command, env=None, **options):
+    return pseudo_terminal.OnATerminal(*command, env=env or environment(), **options)
 
 
 class Progress(EndToEnd):
@@ -89,7 +42,7 @@ class Progress(EndToEnd):
         self.recording = self.write("run.csv", CSV)
 
     def test_it_appears_with_the_time_left_and_is_erased(self):
-        replay = OnATerminal(STICKSLIP, "replay", self.recording, piped=True)
+        replay = on_a_terminal(STICKSLIP, "replay", self.recording, piped=True)
         shown = replay.end()
         drawn = [line for line in shown.split(ERASE_LINE) if line]
         self.assertTrue(drawn, "it did not appear")
@@ -107,20 +60,20 @@ class Progress(EndToEnd):
         self.assertNotIn("\033", result.stdout)
 
     def test_a_dumb_terminal_receives_nothing(self):
-        replays = {term: OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
-                                     env=environment(TERM=term)) for term in ("dumb", None)}
+        replays = {term: on_a_terminal(STICKSLIP, "replay", self.recording, piped=True,
+                                       env=environment(TERM=term)) for term in ("dumb", None)}
         for term, replay in replays.items():
             with self.subTest(TERM=term):
                 self.assertEqual(replay.end(), "")
 
     def test_no_color_does_not_affect_progress(self):
-        shown = OnATerminal(STICKSLIP, "replay", self.recording, piped=True,
-                            env=environment(NO_COLOR="1")).end()
+        shown = on_a_terminal(STICKSLIP, "replay", self.recording, piped=True,
+                              env=environment(NO_COLOR="1")).end()
         self.assertIn("left", shown)
         self.assertNotRegex(shown, r"\033\[[0-9;]*m")
 
     def test_the_line_fits_a_narrow_terminal(self):
-        replays = {columns: OnATerminal(STICKSLIP, "replay", self.recording, piped=True, columns=columns)
+        replays = {columns: on_a_terminal(STICKSLIP, "replay", self.recording, piped=True, columns=columns)
                    for columns in (24, 8, 3)}
         for columns, replay in replays.items():
             with self.subTest(columns=columns):
@@ -130,11 +83,11 @@ class Progress(EndToEnd):
                     self.assertLess(len(line), columns, shown)
 
     def test_the_result_is_on_an_empty_line(self):
-        shown = OnATerminal(STICKSLIP, "replay", self.recording).end()
+        shown = on_a_terminal(STICKSLIP, "replay", self.recording).end()
         self.assertRegex(shown.split(ERASE_LINE)[-1], r"^published 200 of 200 frames")
 
     def test_the_elapsed_time_is_shown_if_the_total_is_unknown(self):
-        recorder = OnATerminal(STICKSLIP, "record", self.folder / "out.log", piped=True)
+        recorder = on_a_terminal(STICKSLIP, "record", self.folder / "out.log", piped=True)
         recorder.wait_for(r"recording, 0 frames, lost 0, \d+ s")
         recorder.process.send_signal(signal.SIGTERM)
         shown = recorder.end()
@@ -149,8 +102,8 @@ class Colours(EndToEnd):
         self.succeed("convert", self.write("run.csv", CSV), self.log)
 
     def shown(self, *options, **changes):
-        return OnATerminal(STICKSLIP, "log", "check", self.log, *options,
-                           env=environment(**changes)).end()
+        return on_a_terminal(STICKSLIP, "log", "check", self.log, *options,
+                             env=environment(**changes)).end()
 
     def test_a_terminal_has_colours(self):
         self.assertIn("\033[32mintact\033[0m", self.shown())
@@ -200,7 +153,7 @@ class Pages(EndToEnd):
 
     def test_a_terminal_of_60_columns(self):
         for command in (("log", "info", self.log), ("log", "check", self.log)):
-            shown = OnATerminal(STICKSLIP, *command, columns=60).end()
+            shown = on_a_terminal(STICKSLIP, *command, columns=60).end()
             self.assertIn("200", self.expect_to_fit(shown, command))
 
     def test_help(self):
@@ -219,9 +172,8 @@ class Pages(EndToEnd):
         self.page("config", rig)
         self.page("config", rig, "--explain")
         listed = self.page("effects")
-        for line in listed.splitlines():
-            if not line.startswith(" "):
-                self.page("effects", line.split()[0])
+        for name in re.findall(r"(?m)^(\w+)  ", listed):
+            self.page("effects", name)
         self.page("calibration", "show", SOURCE / "config/calibrations/beam.toml", "--history")
         self.page("log", "export", self.log, self.folder / "run.mat")
 
@@ -309,8 +261,8 @@ class Spy(EndToEnd):
     def test_a_terminal_shows_a_table_that_is_redrawn_in_place(self):
         for colours in (True, False):
             with self.subTest(colours=colours):
-                spy = OnATerminal(STICKSLIP, "spy", "--values", columns=100, lines=40,
-                                  env=environment(NO_COLOR=None if colours else "1"))
+                spy = on_a_terminal(STICKSLIP, "spy", "--values", columns=100, lines=40,
+                                    env=environment(NO_COLOR=None if colours else "1"))
                 self.replay()
                 spy.wait_for(r"STICKSLIP_FRAMES +\d+ +\d+\.\d")
                 spy.wait_for(r"displacement +[-\d.e]+ m +from")
@@ -325,7 +277,7 @@ class Spy(EndToEnd):
                     self.assertLessEqual(len(line), 100, line)
 
     def test_a_low_terminal_does_not_scroll(self):
-        spy = OnATerminal(STICKSLIP, "spy", "--values", lines=8)
+        spy = on_a_terminal(STICKSLIP, "spy", "--values", lines=8)
         self.replay()
         spy.wait_for("name a channel to see no others")
         spy.process.send_signal(signal.SIGINT)

@@ -57,7 +57,9 @@ inline CLI::Option* add_seed_option(CLI::App& command, std::uint64_t& seed) {
 }
 
 inline void add_horizon_option(CLI::App& command, double& horizon_s) {
-  command.add_option("--horizon", horizon_s, "Length of a prediction [s]")
+  command
+      .add_option("--horizon", horizon_s,
+                  "Length of a prediction [s] (default: one natural period, 0.4 to 1.5 s)")
       ->check(positive_number());
 }
 

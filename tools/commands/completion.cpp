@@ -5,12 +5,14 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "config/key.h"
 #include "physics/catalogue.h"
+#include "physics/friction_laws.h"
 #include "tools/command_line/option_checks.h"
 #include "tools/commands/commands.h"
 
@@ -31,10 +33,12 @@ std::vector<std::string> plain_keys() {
   return out;
 }
 
+/// Of effects and of laws of friction; some are both.
 std::vector<std::string> effect_ids() {
-  std::vector<std::string> out;
-  for (const physics::Effect* effect : physics::catalogue()) out.emplace_back(effect->card().id);
-  return out;
+  std::set<std::string> out;
+  for (const physics::Effect* effect : physics::catalogue()) out.emplace(effect->card().id);
+  for (const physics::Effect* law : physics::friction_laws()) out.emplace(law->card().id);
+  return {out.begin(), out.end()};
 }
 
 }  // namespace

@@ -16,22 +16,20 @@
 #include "config/campaign.h"
 #include "config/model_file.h"
 #include "diagnosis/bootstrap.h"
-#include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/html.h"
 #include "diagnosis/report/json.h"
 #include "diagnosis/report/provenance.h"
 #include "diagnosis/report/text.h"
-#include "physics/number_text.h"
 #include "physics/problem.h"
 #include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/colour_option.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/option_checks.h"
-#include "tools/command_line/recording_import.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/checked_file.h"
 #include "tools/commands/commands.h"
+#include "tools/commands/diagnosis_options.h"
 #include "tools/files/outputs.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
@@ -43,20 +41,11 @@ using namespace files;
 
 namespace {
 
-struct Arguments {
-  std::vector<std::string> recordings;
-  std::string model;
+struct Arguments : DiagnosisArguments {
   std::string campaign;
   std::vector<std::string> hold_out;
   std::vector<std::string> conditions;  // "load_n=3.43"
   std::string candidates;
-  ImportOptions columns;
-  std::string json;
-  std::string html;
-  std::string write_model;
-  std::uint64_t seed = 1;
-  int jobs = 0;
-  double horizon_s = 0.0;
   std::size_t bootstrap = 0;
   terminal::Colours colours = terminal::Colours::automatic;
 };
@@ -138,9 +127,7 @@ report::Provenance provenance_of(const Arguments& arguments, const Work& work) {
     out.candidates = checked_file(arguments.candidates);
     out.command += " --candidates " + out.candidates->name;
   }
-  if (arguments.horizon_s > 0.0) {
-    out.command += " --horizon " + physics::number_text(arguments.horizon_s);
-  }
+  add_horizon(out, arguments);
   if (arguments.bootstrap > 0) {
     out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
   }
@@ -163,23 +150,12 @@ int run(const Arguments& arguments, const Outputs& outputs) {
   Work work = work_of(arguments);
   physics::Model& model = work.model;
   if (!arguments.candidates.empty()) config::add_candidates(arguments.candidates, model);
-  std::vector<protocol::Recording> recordings;
-  for (const std::filesystem::path& path : work.recordings) {
-    recordings.push_back(recording_from(path, arguments.columns, false,
-                                        diagnosis::most_frames / work.recordings.size()));
-  }
-  diagnosis::Options options;
+  const std::vector<protocol::Recording> recordings =
+      recordings_from(work.recordings, arguments.columns);
+  terminal::Progress progress("diagnosing");
+  diagnosis::Options options = options_of(arguments, progress);
   options.campaign = work.campaign;
   if (work.campaign) options.conditions = conditions_of(arguments, *work.campaign);
-  options.seed = arguments.seed;
-  options.threads = parallel::threads_for(arguments.jobs);
-  if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
-  options.evidence = !arguments.html.empty();
-  terminal::Progress progress("diagnosing");
-  options.progress = [&progress](const std::string& what, double done) {
-    progress.set_label(what);
-    progress.at(done);
-  };
   diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
   progress.finish();
   if (arguments.bootstrap > 0) {
@@ -237,15 +213,9 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->needs("--campaign");
   add_input(*command, "--candidates", arguments->candidates,
             "Formulas of your own to try beside the catalogue ([[candidate]] tables)");
-  add_import_options(*command, arguments->columns);
-  add_json_file_option(*command, arguments->json);
-  add_output(*command, "--html", arguments->html,
-             "Write the report as one self-contained page with figures");
-  add_output(*command, "--write-model", arguments->write_model,
-             "Write the augmented model: calibrated, with the physics found and the uncertainty of "
-             "every fitted number");
-  add_seed_option(*command, arguments->seed);
-  add_jobs_option(*command, arguments->jobs);
+  add_diagnosis_options(*command, *arguments,
+                        "Write the augmented model: calibrated, with the physics found and the "
+                        "uncertainty of every fitted number");
   command
       ->add_option("--bootstrap", arguments->bootstrap,
                    "Also diagnose this number of synthetic recordings of the calibrated declared "
@@ -253,7 +223,6 @@ void add_diagnose(CLI::App& app, Action& action) {
       ->check(whole_number(0, 10000))
       ->capture_default_str()
       ->excludes("--campaign");
-  add_horizon_option(*command, arguments->horizon_s);
   add_colour_option(*command, arguments->colours);
   command->callback([&action, arguments, command] {
     if (arguments->campaign.empty()) {
@@ -263,9 +232,9 @@ void add_diagnose(CLI::App& app, Action& action) {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
   describe(*command,
-           {.examples = {{"Write the report as JSON and HTML, and the amended model",
+           {.examples = {{"Write the report as JSON and HTML, and the augmented model",
                           "stickslip diagnose run.log --model model.toml --json report.json --html "
-                          "report.html --write-model amended.toml"},
+                          "report.html --write-model mended.toml"},
                          {"Estimate the rate of false findings",
                           "stickslip diagnose run.log --model model.toml --bootstrap 10"},
                          {"Compare recordings under different loads, and predict one of them",

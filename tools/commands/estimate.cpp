@@ -162,7 +162,7 @@ void add_estimate(CLI::App& app, Action& action) {
   });
   describe(*command,
            {.examples = {{"Estimate the friction force and state, one row per frame",
-                          "stickslip estimate run.log --model amended.toml --out estimates.csv"}},
+                          "stickslip estimate run.log --model mended.toml --out estimates.csv"}},
             .files = {recording_files, model_files},
             .see_also = {"stickslip-evaluate(1)"}});
 }

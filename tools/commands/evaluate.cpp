@@ -96,7 +96,7 @@ void add_evaluate(CLI::App& app, Action& action) {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
   describe(*command, {.examples = {{"Score the predictions of a model on a recording",
-                                    "stickslip evaluate run.log --model amended.toml"}},
+                                    "stickslip evaluate run.log --model mended.toml"}},
                       .files = {recording_files, model_files},
                       .see_also = {"stickslip-diagnose(1)"}});
 }

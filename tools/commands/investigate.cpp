@@ -131,12 +131,13 @@ void add_settings(CLI::App& command, investigation::StudySettings& settings) {
       ->check(positive_number())
       ->capture_default_str();
   command
-      .add_option("--certain", settings.certain, "Probability from which a hypothesis is certain")
+      .add_option("--certain", settings.certain,
+                  "Probability from which on a hypothesis counts as certain")
       ->check(number_that([](double v) { return v > 0.5 && v < 1.0; }, "above 0.5 and below 1"))
       ->capture_default_str();
   command
       .add_option("--least-gain", settings.least_gain,
-                  "Share of what is open that a run has to be expected to close, to be made")
+                  "Share of the remaining uncertainty that a run has to be expected to resolve")
       ->check(number_that([](double v) { return v >= 0.0 && v < 1.0; }, "0 to below 1"))
       ->capture_default_str();
   command.add_option("--shortest-s", settings.shortest_s, "Shortest run [s]")

@@ -8,16 +8,14 @@
 
 #include "config/model_file.h"
 #include "diagnosis/laws.h"
-#include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/laws_page.h"
-#include "physics/number_text.h"
 #include "protocol/json_text.h"
 #include "protocol/recording.h"
 #include "tools/command_line/file_options.h"
-#include "tools/command_line/recording_import.h"
 #include "tools/command_line/shared_options.h"
 #include "tools/commands/checked_file.h"
 #include "tools/commands/commands.h"
+#include "tools/commands/diagnosis_options.h"
 #include "tools/files/outputs.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
@@ -29,46 +27,23 @@ using namespace files;
 
 namespace {
 
-struct Arguments {
-  std::vector<std::string> recordings;
-  std::string model;
-  ImportOptions columns;
-  std::string json;
-  std::string html;
-  std::string write_model;
-  std::uint64_t seed = 1;
-  int jobs = 0;
-  double horizon_s = 0.0;
-};
+using Arguments = DiagnosisArguments;
 
 report::Provenance provenance_of(const Arguments& arguments) {
   std::vector<report::Provenance::File> recordings;
   for (const std::string& path : arguments.recordings) recordings.push_back(checked_file(path));
   report::Provenance out =
       report::provenance_of(recordings, checked_file(arguments.model), arguments.seed, "laws");
-  if (arguments.horizon_s > 0.0) {
-    out.command += " --horizon " + physics::number_text(arguments.horizon_s);
-  }
+  add_horizon(out, arguments);
   return out;
 }
 
 int run(const Arguments& arguments, const Outputs& outputs) {
   const physics::Model model = config::load_model(arguments.model);
-  std::vector<protocol::Recording> recordings;
-  for (const std::string& path : arguments.recordings) {
-    recordings.push_back(recording_from(path, arguments.columns, false,
-                                        diagnosis::most_frames / arguments.recordings.size()));
-  }
-  diagnosis::Options options;
-  options.seed = arguments.seed;
-  options.threads = parallel::threads_for(arguments.jobs);
-  if (arguments.horizon_s > 0.0) options.horizon_s = arguments.horizon_s;
-  options.evidence = !arguments.html.empty();
+  const std::vector<protocol::Recording> recordings =
+      recordings_from(arguments.recordings, arguments.columns);
   terminal::Progress progress("comparing laws");
-  options.progress = [&progress](const std::string& what, double done) {
-    progress.set_label(what);
-    progress.at(done);
-  };
+  const diagnosis::Options options = options_of(arguments, progress);
   const diagnosis::LawComparison result = diagnosis::compare_laws(recordings, model, options);
   progress.finish();
   terminal::print_page(report::laws_text(result));
@@ -91,22 +66,15 @@ int run(const Arguments& arguments, const Outputs& outputs) {
 
 void add_laws(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand(
-      "laws", "Compare the laws of friction by name: which one do recordings show");
+  CLI::App* command =
+      app.add_subcommand("laws", "Compare the laws of friction by name on recordings of a rig");
   add_input(*command, "RECORDING", arguments->recordings,
             "Recordings of one rig (LCM event logs or CSV)")
       ->required();
   add_model_option(*command, arguments->model);
-  add_import_options(*command, arguments->columns);
-  add_json_file_option(*command, arguments->json);
-  add_output(*command, "--html", arguments->html,
-             "Write the report as one self-contained page with figures");
-  add_output(*command, "--write-model", arguments->write_model,
-             "Write the model with the preferred law, calibrated, with the uncertainty of every "
-             "fitted number");
-  add_seed_option(*command, arguments->seed);
-  add_jobs_option(*command, arguments->jobs);
-  add_horizon_option(*command, arguments->horizon_s);
+  add_diagnosis_options(*command, *arguments,
+                        "Write the model with the preferred law, calibrated, with the uncertainty "
+                        "of every fitted number");
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });

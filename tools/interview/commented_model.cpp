@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/interview/commented_model.h"
 
+#include <cctype>
 #include <string_view>
 
 #include "config/model_file.h"
 #include "config/model_names.h"
 #include "config/toml_text.h"
+#include "physics/friction_laws.h"
 
 namespace stickslip::interview {
 
@@ -21,6 +23,17 @@ void comment(TomlWriter& out, std::string_view text) {
     out.comment(text.substr(0, end));
     text.remove_prefix(std::min(end + 1, text.size()));
   }
+}
+
+/// The text as comments of at most 100 columns.
+void comment_wrapped(TomlWriter& out, std::string_view text) {
+  constexpr std::size_t columns = 98;
+  while (text.size() > columns) {
+    const std::size_t end = text.rfind(' ', columns);
+    out.comment(text.substr(0, end));
+    text.remove_prefix(end + 1);
+  }
+  out.comment(text);
 }
 
 void number(TomlWriter& out, std::string_view key, const Parameter& parameter) {
@@ -109,12 +122,31 @@ void write_load(TomlWriter& out, const physics::NormalLoad& load) {
   number(out, "load_n", load.load_n);
 }
 
+/// [friction] of a law by name: its card has the comments.
+void write_named_law(TomlWriter& out, const physics::Term& term) {
+  const physics::Card& law = physics::find_law(term.id)->card();
+  out.table("friction");
+  comment_wrapped(out, law.sentence);
+  comment_wrapped(out, "`stickslip effects " + term.id +
+                           "` has its equation; `stickslip laws` compares it with the others.");
+  out.text("law", term.id);
+  for (const physics::ParameterCard& card : law.parameters) {
+    const auto found = term.parameters.find(std::string(card.name));
+    if (found == term.parameters.end()) continue;
+    std::string text(card.meaning);
+    text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
+    comment_wrapped(out, text.append(" [").append(card.unit).append("]."));
+    number(out, card.name, found->second);
+  }
+}
+
 void write_friction(TomlWriter& out, const physics::Friction& friction, bool has_load) {
   out.table("friction");
   comment(out,
           "none: a diagnosis finds dry friction that is there. coulomb: it opposes the slip, "
           "whatever its\n"
-          "speed. state_variable: it follows a reversal at rate_per_s.");
+          "speed. state_variable: it follows a reversal at rate_per_s. `stickslip effects` lists "
+          "other laws.");
   out.text("law", config::name_of(friction.law));
   if (friction.law == physics::FrictionLaw::none) return;
   comment(out, has_load ? "Coefficient of friction [1]. Measure: pull slowly, force over normal "
@@ -192,7 +224,11 @@ std::string commented_model(const Draft& draft) {
   out.line("schema", "1");
   write_oscillator(out, model.oscillator);
   if (model.normal_load) write_load(out, *model.normal_load);
-  write_friction(out, model.friction, model.normal_load.has_value());
+  if (const physics::Term* law = physics::law_term(model)) {
+    write_named_law(out, *law);
+  } else {
+    write_friction(out, model.friction, model.normal_load.has_value());
+  }
   if (model.load_cell) write_load_cell(out, *model.load_cell);
   write_sensors(out, draft);
   return std::string(beginning).append(out.take());

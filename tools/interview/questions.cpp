@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/interview/questions.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <optional>
 #include <vector>
 
 #include "config/model_names.h"
+#include "physics/friction_laws.h"
 #include "physics/number_text.h"
 #include "tools/interview/quantity.h"
 
@@ -182,8 +184,20 @@ std::string take_load(Draft& draft, std::string_view answer) {
   return "";
 }
 
-/// Coefficient of friction, in newtons where no load is declared, and for a state variable its
-/// rate.
+/// Coefficient of friction, in newtons where no load is declared.
+std::string take_coefficient(Parameter& mu, bool has_load, std::string_view text,
+                             std::string_view answer) {
+  const Quantity found = quantity_in(text, coefficients);
+  std::string problem = range_problem(found, false, answer);
+  if (!problem.empty()) return problem;
+  if (found.kind == 1 && has_load) {
+    return refusal("a coefficient without a unit, since a normal load is declared", answer);
+  }
+  mu = found.parameter;
+  return "";
+}
+
+/// Coefficient of friction, and for a state variable its rate.
 std::string take_friction_numbers(physics::Friction& friction, bool has_load,
                                   std::string_view numbers, std::string_view answer) {
   const std::vector<std::string_view> parts = parts_of(numbers);
@@ -191,14 +205,8 @@ std::string take_friction_numbers(physics::Friction& friction, bool has_load,
   if (parts.empty() || parts.size() > (memory ? 2U : 1U)) {
     return refusal(memory ? "\"state_variable MU, RATE 1/s\"" : "\"coulomb MU\"", answer);
   }
-  const Quantity mu = quantity_in(parts[0], coefficients);
-  std::string problem = range_problem(mu, false, answer);
-  if (!problem.empty()) return problem;
-  if (mu.kind == 1 && has_load) {
-    return refusal("a coefficient without a unit, since a normal load is declared", answer);
-  }
-  friction.mu = mu.parameter;
-  if (!memory) return "";
+  std::string problem = take_coefficient(friction.mu, has_load, parts[0], answer);
+  if (!problem.empty() || !memory) return problem;
   friction.transition_speed_m_s.value = usual_transition_speed_m_s;
   friction.rate_per_s = usual_rate_per_s;
   if (parts.size() == 1) return "";
@@ -207,11 +215,76 @@ std::string take_friction_numbers(physics::Friction& friction, bool has_load,
   return range_problem(rate, true, answer);
 }
 
+/// Parameters that a law needs and that the term does not have: "stiffness_n_m NUMBER, ...".
+std::string missing_parameters(const physics::Card& law, const physics::Term& term) {
+  std::string out;
+  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+    const physics::ParameterCard& card = law.parameters[i];
+    const bool needed = !card.fixed_default || law.transition_speed == i;
+    if (!needed || term.parameters.contains(std::string(card.name))) continue;
+    out.append(out.empty() ? "" : ", ").append(card.name).append(" NUMBER");
+  }
+  return out;
+}
+
+/// "stiffness_n_m 4000 N/m +- 20 %" of a law by name.
+std::string take_law_parameter(physics::Term& term, const physics::Card& law,
+                               std::string_view part) {
+  const Words words = words_of(part);
+  const auto card =
+      std::find_if(law.parameters.begin(), law.parameters.end(),
+                   [&](const physics::ParameterCard& each) { return each.name == words.first; });
+  if (card == law.parameters.end()) {
+    std::string names;
+    for (const physics::ParameterCard& each : law.parameters) {
+      names.append(names.empty() ? "" : ", ").append(each.name);
+    }
+    return refusal("a parameter of the law (" + names + ") with its number", part);
+  }
+  const std::array units = {Unit{card->unit, 0, 1.0, 50.0}, Unit{"", 0, 1.0, 50.0}};
+  const Quantity found = quantity_in(words.rest, units);
+  if (!found.problem.empty()) return "expected " + found.problem;
+  const bool may_be_zero = card->fixed_default == 0.0;
+  if (card->positive && found.parameter.value <= 0.0 &&
+      !(may_be_zero && found.parameter.value == 0.0)) {
+    return refusal(may_be_zero ? "a number, 0 or more" : "a number above 0", part);
+  }
+  term.parameters[std::string(card->name)] = found.parameter;
+  return "";
+}
+
+/// "dahl MU, stiffness_n_m NUMBER".
+std::string take_named_law(Draft& draft, const physics::Card& law, std::string_view numbers,
+                           std::string_view answer) {
+  physics::Term term;
+  term.id = law.id;
+  term.law = true;
+  const std::vector<std::string_view> parts = parts_of(numbers);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::string problem =
+        i == 0 ? take_coefficient(term.parameters["mu"], draft.model.normal_load.has_value(),
+                                  parts[i], answer)
+               : take_law_parameter(term, law, parts[i]);
+    if (!problem.empty()) return problem;
+  }
+  const std::string missing = missing_parameters(law, term);
+  if (parts.empty()) return refusal("\"" + term.id + " MU, ...\" with " + missing, answer);
+  if (!missing.empty()) return refusal("also " + missing, answer);
+  draft.model.friction = {};
+  draft.model.terms.insert(draft.model.terms.begin(), std::move(term));
+  return "";
+}
+
 std::string take_friction(Draft& draft, std::string_view answer) {
   const Words words = words_of(answer);
   const std::optional<FrictionLaw> law = config::value_in(config::names<FrictionLaw>, words.first);
+  const physics::Effect* named = law ? nullptr : physics::find_law(words.first);
+  if (named != nullptr) return take_named_law(draft, named->card(), words.rest, answer);
   if (!law || (*law == FrictionLaw::none && !words.rest.empty())) {
-    return refusal("none, \"coulomb MU\" or \"state_variable MU, RATE 1/s\"", answer);
+    return refusal(
+        "none, \"coulomb MU\", \"state_variable MU, RATE 1/s\" or another law with MU and its "
+        "parameters (`stickslip effects` lists the laws)",
+        answer);
   }
   physics::Friction friction;
   friction.law = *law;
@@ -339,12 +412,16 @@ const std::array<Question, question_count>& questions() {
        "recorded; none: unknown, and friction is a force in N. Without +-: 5 %.",
        "0.15 N +- 0.01 | measured | none", always, load_proposed, take_load},
       {"--friction", "Friction",
-       "Friction law: none, \"coulomb 0.8\" or \"state_variable 0.8, 150 1/s\"",
+       "Friction law: none, \"coulomb 0.8\", \"state_variable 0.8, 150 1/s\", or another with its "
+       "parameters: \"dahl 0.8, stiffness_n_m 4000\"",
        "The law that you believe in. coulomb MU: friction opposes the motion, whatever its speed. "
        "state_variable MU, RATE: it follows a reversal at that rate. none: a diagnosis finds dry "
-       "friction that is there. MU is in N without a normal load. Without +-: 20 % of MU.",
-       "none | coulomb 0.8 +- 0.1 | coulomb 20 N | state_variable 0.8, 150 1/s", always,
-       none_proposed, take_friction},
+       "friction that is there. Other laws (stribeck, dahl, lugre, ...; `stickslip effects` lists "
+       "them) with MU, then their parameters by name. MU is in N without a normal load. Without "
+       "+-: 20 % of MU, 50 % of a parameter.",
+       "none | coulomb 0.8 +- 0.1 | coulomb 20 N | state_variable 0.8, 150 1/s | dahl 0.8, "
+       "stiffness_n_m 4000",
+       always, none_proposed, take_friction},
       {"--sensors", "Sensors and their noise",
        "Sensors, each with the standard deviation of its noise if known: \"displacement 2e-5, "
        "velocity\"",

@@ -18,7 +18,7 @@ std::string joined(const std::vector<std::string>& names) {
   return out;
 }
 
-std::string percent(double share) { return number_text(100.0 * share, 4) + " %"; }
+std::string percent(double share) { return number_text(100.0 * share, 3) + " %"; }
 
 Decision named(const Step& last) {
   if (last.findings.empty()) {
@@ -62,9 +62,9 @@ Decision decide(const Study& study, std::size_t steps, const std::optional<NextR
   if (steps == 0) return {};
   const bool asks = study.steps[steps - 1].standing.size() > 1;
   if (asks && next->question.gain < settings.least_gain) {
-    return {Ending::no_gain, "the best run would close " + percent(next->question.gain) +
-                                 " of what is open, less than the " + percent(settings.least_gain) +
-                                 " for which a run is made"};
+    return {Ending::no_gain, "the best run would resolve " + percent(next->question.gain) +
+                                 " of the remaining uncertainty, less than the " +
+                                 percent(settings.least_gain) + " for which a run is made"};
   }
   if (!asks && steps >= most_without_question) {
     return {Ending::no_gain,

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "diagnosis/report/formatting.h"
 #include "diagnosis/report/html.h"
 #include "diagnosis/report/html_elements.h"
 #include "diagnosis/report/plot_svg.h"
@@ -19,8 +20,20 @@ using physics::number_text;
 using report::code;
 using report::escape_html;
 using report::paragraph;
+using report::plain_text;
 
 std::string percent(double share) { return number_text(100.0 * share, 3) + " %"; }
+
+// "missing physics"
+std::string verdict_words(const Step& step) {
+  std::string out = step.verdict;
+  std::replace(out.begin(), out.end(), '_', ' ');
+  return out;
+}
+
+bool is_found(const Step& step, const Standing& each) {
+  return std::find(step.findings.begin(), step.findings.end(), each.name) != step.findings.end();
+}
 
 struct PeakRow {
   std::string quantity;
@@ -72,7 +85,7 @@ std::vector<Expected> largest_first(std::vector<Expected> expected) {
 
 std::string gain_words(const Question& q) {
   if (q.expected.empty()) return "no hypothesis to separate yet";
-  return "expected to close " + percent(q.gain) + " of what is open";
+  return "expected to resolve " + percent(q.gain) + " of the remaining uncertainty";
 }
 
 std::string links_of(const Step& step) {
@@ -91,7 +104,8 @@ report::Section questions_section(const Study& study) {
     report::Table peaks("Over all models that were possible, with stiffnesses up to 30 % off.",
                         {"quantity", "at most", "allowed"});
     for (const PeakRow& row : peak_rows(q, study.facts)) {
-      peaks.row({escape_html(row.quantity), escape_html(row.reached), escape_html(row.limit)});
+      peaks.row({escape_html(row.quantity), escape_html(plain_text(row.reached)),
+                 escape_html(plain_text(row.limit))});
     }
     out += peaks.html();
     if (!q.expected.empty()) {
@@ -107,15 +121,20 @@ report::Section questions_section(const Study& study) {
       out += paragraph("Recorded, and not diagnosed yet.");
       continue;
     }
-    report::Table answer("Answer: " + step.verdict + ", held-out chi-squared per sample " +
+    report::Table answer("Answer: " + verdict_words(step) + ", held-out chi-squared per sample " +
                              number_text(step.chi2, 3) + ", from all recordings so far.",
-                         {"hypothesis", "probability", ""});
+                         {"hypothesis", "probability", "", "in the model"});
     for (const Standing& each : step.standing) {
       answer.row({escape_html(each.name), escape_html(percent(each.probability)),
-                  "<div class=\"bar\">" + report::bar(each.probability) + "</div>"});
+                  "<div class=\"bar\">" + report::bar(each.probability) + "</div>",
+                  is_found(step, each) ? "yes" : "no"});
     }
     out += answer.html();
-    if (!step.standing.empty()) out += paragraph(step.standing.front().statement, "soft");
+    for (const Standing& each : step.standing) {
+      if (is_found(step, each) || step.findings.empty()) {
+        out += paragraph(plain_text(each.statement), "soft");
+      }
+    }
   }
   return out;
 }
@@ -152,7 +171,7 @@ report::Section probabilities_section(const Study& study) {
 }
 
 report::Section repeat_section() {
-  report::Section out("repeat", "The same numbers again");
+  report::Section out("repeat", "Reproduction");
   out += "<p>From the recordings alone: " + code("stickslip investigate --repeat FOLDER") +
          ". One diagnosis of all of them: " +
          code("stickslip diagnose --campaign FOLDER/campaign.toml") + ".</p>\n";
@@ -175,7 +194,7 @@ std::string question_text(const Question& q, const RigFacts& facts) {
 }
 
 std::string answer_text(const Step& step) {
-  std::string out = step.name + ": " + step.verdict + "\n";
+  std::string out = step.name + ": " + verdict_words(step) + "\n";
   for (const Standing& each : step.standing) {
     out += "  " + percent(each.probability) + "  " + each.name + "\n";
   }
@@ -201,8 +220,33 @@ std::string picture_of(const design::Drive& drive, const Question& question,
   return report::standalone_svg(report::line_plot_svg(plot));
 }
 
+namespace {
+
+// The findings of the last diagnosis, and the hypotheses that it leaves possible.
+std::string result_words(const Study& study) {
+  const auto last = std::find_if(study.steps.rbegin(), study.steps.rend(),
+                                 [](const Step& step) { return step.answered; });
+  if (last == study.steps.rend()) return "";
+  std::string out = "Result after " + last->name + ": " + verdict_words(*last);
+  if (!last->findings.empty()) {
+    out += ", " + report::enumeration(last->findings) + ", with a probability of " +
+           (last->findings.size() > 1 ? "at least " : "") + percent(last->least_probability);
+  }
+  std::vector<std::string> others;
+  for (const Standing& each : last->standing) {
+    if (is_found(*last, each)) continue;
+    others.push_back(report::with_probability(each.name, percent(each.probability)));
+  }
+  return out + (others.empty() ? "." : "; also possible: " + report::enumeration(others) + ".");
+}
+
+}  // namespace
+
 std::string page_of(const Study& study) {
   std::string first = "<h1>Study of " + escape_html(study.facts.name) + "</h1>\n";
+  if (const std::string words = result_words(study); !words.empty()) {
+    first += "<p><b>" + escape_html(words) + "</b></p>\n";
+  }
   const std::string time = number_text(study.rig_time_s(), 4) + " s of rig time in " +
                            physics::counted(study.steps.size(), "run");
   first += paragraph(study.ending == Ending::open

@@ -125,7 +125,7 @@ std::vector<std::string> physics_of(const ModelHolder& self) {
 }
 
 constexpr const char* class_doc =
-    R"(A model of a rig: the content of a model file (docs/formats.md, section 1).
+    R"(A model of a rig: the content of a model file (docs/formats.md, section 3).
 
 A mapping of its numbers by their paths in the file, in SI units:
 
@@ -133,9 +133,9 @@ A mapping of its numbers by their paths in the file, in SI units:
     model["oscillator.mass_kg"] = 96.2       # keeps sigma
     model["oscillator.mass_kg"] = 96.2, 0.1  # value and standard deviation; sigma 0: exact
 
-What has no number yet (another law of friction, a filter, a [[physics]] term) is added in the text:
-Model.parse(model.text.replace(...)). A change that a file could not have raises InputError and leaves
-the model as it was.)";
+What has no number yet is added in the text, Model.parse(model.text.replace(...)): a filter, a [[physics]]
+term, another law of friction (`stickslip effects` lists the laws, `stickslip effects lugre` explains one
+with its parameters). A change that a file could not have raises InputError and leaves the model as it was.)";
 
 }  // namespace
 

@@ -168,7 +168,7 @@ DiagnosisTexts diagnosed(const std::vector<SharedRecording>& recordings, const M
   DiagnosisTexts out;
   out.json = protocol::json_text(report::report_json(result, provenance));
   out.text = report::report_text(result);
-  out.model = {result.model, "amended model", {}};
+  out.model = {result.model, "augmented model", {}};
   if (asked.html) {
     provenance.augmented_model = config::model_text(result.model);
     out.html = report::report_html(result, provenance);

@@ -10,6 +10,7 @@
 
 #include "diagnosis/report/effect_picture.h"
 #include "physics/catalogue.h"
+#include "physics/friction_laws.h"
 #include "tools/files/read_file.h"
 
 namespace stickslip::report {
@@ -71,14 +72,29 @@ TEST(EffectText, StatesEveryPartOfTheEntryWithinTheColumns) {
   }
 }
 
-TEST(EffectsList, HasOneLinePerEffectThatBeginsWithItsId) {
-  std::istringstream lines(effects_list());
-  std::size_t count = 0;
-  for (std::string line; std::getline(lines, line); ++count) {
-    EXPECT_NE(physics::find_effect(line.substr(0, line.find(' '))), nullptr) << line;
-    EXPECT_LE(line.size(), 80U) << line;
-  }
-  EXPECT_EQ(count, physics::catalogue().size());
+TEST(EffectsList, HasOneLinePerEffectAndPerLawThatBeginsWithItsId) {
+  const std::string list = effects_list();
+  const std::size_t heading = list.find("\nLaws of friction");
+  ASSERT_NE(heading, std::string::npos);
+  const auto count = [](const std::string& part, auto find) {
+    std::istringstream lines(part);
+    std::size_t out = 0;
+    for (std::string line; std::getline(lines, line); ++out) {
+      EXPECT_NE(find(line.substr(0, line.find(' '))), nullptr) << line;
+      EXPECT_LE(line.size(), 80U) << line;
+    }
+    return out;
+  };
+  EXPECT_EQ(count(list.substr(0, heading), physics::find_effect), physics::catalogue().size());
+  EXPECT_EQ(count(list.substr(list.find("\n\n", heading) + 2), physics::find_law),
+            physics::friction_laws().size());
+}
+
+TEST(EffectText, OfALawSaysHowAModelDeclaresIt) {
+  const std::string text = effect_text(*physics::find_law("lugre"), 60);
+  EXPECT_THAT(text, HasSubstr("\nDeclared as\n  [friction] law = \"lugre\"\n"));
+  EXPECT_THAT(text, HasSubstr("stiffness_n_m [N/m]"));
+  EXPECT_THAT(text, Not(HasSubstr("Tier")));
 }
 
 }  // namespace

@@ -412,8 +412,9 @@ TEST(ReportHtml, AFrictionFindingShowsTheLawOverVelocityAndDisplacementWithTheDa
   d.friction = friction;
   const std::string page = report_html(d, provenance());
   EXPECT_EQ(markup_error(page), "");
-  for (const char* words : {"Friction over velocity", "Friction over displacement",
-                            "class=\"points s0\"", "class=\"area s2\"", ">declared<", ">mended<"}) {
+  for (const char* words :
+       {"Friction over velocity", "Friction over displacement", "class=\"points s0\"",
+        "class=\"area s2\"", ">declared<", ">augmented<"}) {
     EXPECT_THAT(page, HasSubstr(words));
   }
 }
@@ -552,9 +553,15 @@ TEST(Formatting, NumbersAndUnits) {
   EXPECT_EQ(unit_text("unit of the channel per second", {Channel::velocity, {}},
                       physics::ResultUnits({})),
             "m/s per second");
+  EXPECT_EQ(plain_text("friction_force_n from -0.08 to 0.9 m/s (-3)"),
+            "friction_force_n from \u22120.08 to 0.9 m/s (\u22123)");
+  EXPECT_EQ(unit_text("1/unit of the channel", {Channel::velocity, {}}, physics::ResultUnits({})),
+            "1/(m/s)");
   EXPECT_EQ(unit_text("1", {}, physics::ResultUnits({})), "");
   EXPECT_EQ(unit_text("N s^2/m2", {}, physics::ResultUnits({})), "N s\u00b2/m\u00b2");
   EXPECT_EQ(format_percent(0.99999), ">\u00a099.9\u00a0%");
+  EXPECT_EQ(with_probability("end stop", "30 %"), "end stop (30 %)");
+  EXPECT_EQ(with_probability("wrong gain (velocity)", "30 %"), "wrong gain (velocity, 30 %)");
 }
 
 TEST(Formatting, IntervalSetsTheNumberOfDigits) {
@@ -567,12 +574,73 @@ TEST(Formatting, IntervalSetsTheNumberOfDigits) {
   EXPECT_EQ(format_estimate(9.9, 9.5, 10.3).high, "10.30");
 }
 
+Diagnosis of_a_campaign() {
+  Diagnosis d = ambiguous();
+  d.integrity.resize(3, d.integrity.front());
+  Finding& finding = d.findings.front();
+  finding.shared = {"physics.cubic_stiffness.k3_n_m3", physics::Sharing::proportional, "load_n"};
+  Alternative& other = finding.alternatives.front();
+  other.candidate = finding.candidate();
+  other.candidate.shared.sharing = physics::Sharing::power;
+  d.campaign.emplace();
+  d.campaign->campaign.runs = {{"light", {}, {}, {}}, {"heavy", {}, {}, {}}, {"other", {}, {}, {}}};
+  Comparison shared;
+  shared.number = finding.shared;
+  shared.value = 0.43285;
+  shared.low = 0.43257;
+  shared.high = 0.43312;
+  shared.trend = Trend{0.30012, 0.29993, 0.30031, false};
+  shared.freedom = 1;
+  d.campaign->comparisons = {shared};
+  HeldOutRecording held_out;
+  held_out.recording = 2;
+  held_out.baseline.rmse[0] = 3.52e-3;
+  held_out.augmented = held_out.baseline;
+  held_out.augmented->rmse[0] = 2.16e-5;
+  d.campaign->held_out = {held_out};
+  return d;
+}
+
+TEST(ReportHtml, OfACampaignNamesTheConditionThatACandidateFollows) {
+  const Diagnosis d = of_a_campaign();
+  const std::string page = report_html(
+      d, {"stickslip diagnose --campaign c.toml",
+          "1.2.3",
+          42,
+          {{"a.csv", ""}, {"b.csv", ""}, {"c.csv", ""}, {"m.toml", ""}, {"c.toml", ""}}});
+  EXPECT_EQ(markup_error(page), "");
+  for (const char* part :
+       {"(proportional to load_n); these recordings alone do not rule out hardening or softening "
+        "spring (depending on load_n).",
+        "<code>c.csv</code>, model <code>m.toml</code>, campaign <code>c.toml</code>",
+        "cubic_stiffness with load_n, proportional", "only the first is drawn, run.csv",
+        "0.43285 (95 %: 0.43257 to 0.43312); coefficient 0.30012 (95 %: 0.29993 to 0.30031)",
+        "<td>3.52\u00a0mm</td><td>0.0216\u00a0mm</td>"}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+  EXPECT_THAT(report_text(d), AllOf(HasSubstr("1. cubic_stiffness with load_n, proportional:"),
+                                    HasSubstr("alternative: cubic_stiffness with load_n (")));
+}
+
 TEST(Formatting, TrialsAreNamedAfterTheirEffects) {
   EXPECT_EQ(trial_name("gain_error of friction_force + cubic_stiffness"),
             "wrong gain (friction force) and hardening or softening spring");
   EXPECT_EQ(trial_name("crosstalk of velocity from displacement"),
             "crosstalk (velocity from displacement)");
+  EXPECT_EQ(trial_name("dry_friction with load_n"), "dry friction (depending on load_n)");
+  EXPECT_EQ(trial_name("gain_error of velocity in each recording"),
+            "wrong gain (velocity, different in each recording)");
   EXPECT_EQ(trial_name("not in the catalogue"), "not in the catalogue");
+}
+
+TEST(LinePlot, ACycleThatReturnsOnItsOwnWayIsDrawnOnce) {
+  const Series curve =
+      without_way_back({"", {1.0, 0.0, -1.0, 0.0, 1.0}, {2.0, 0.0, -2.0, 0.0, 2.0}, 1});
+  EXPECT_THAT(curve.x, testing::ElementsAre(-1.0, 0.0, 0.0, 1.0, 1.0));
+  EXPECT_THAT(curve.y, testing::ElementsAre(-2.0, 0.0, 0.0, 2.0, 2.0));
+  const Series loop{"", {1.0, 0.0, -1.0, 0.0, 1.0}, {2.0, 2.0, -2.0, -2.0, 2.0}, 1};
+  EXPECT_EQ(without_way_back(loop).x, loop.x);
+  EXPECT_EQ(without_way_back(loop).y, loop.y);
 }
 
 TEST(LinePlot, OmitsNonFiniteValuesAndKeepsEverySpike) {

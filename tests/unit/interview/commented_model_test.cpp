@@ -24,7 +24,9 @@ const std::vector<std::vector<std::string>> answers = {
     {"none", "0.015 +- 0.005", "200 N s/m +- 50 %"},
     {"none", "measured", "0.15 N +- 0.01"},
     {"none", "coulomb 0.8 +- 0.1", "coulomb 20 N", "state_variable 0.8",
-     "state_variable 0.8, 40 1/s"},
+     "state_variable 0.8, 40 1/s", "dahl 0.8, stiffness_n_m 4000 N/m +- 10 %",
+     "rate_and_state 0.6, direct_effect 0.01, evolution_effect -0.015, slip_length_m 1e-5 m",
+     "lugre 0.8, mu_static 1, stribeck_speed_m_s 0.02, stiffness_n_m 4000, viscosity_n_s_m 0"},
     {"displacement 2e-5, base_displacement, drive_force, normal_load",
      "displacement, velocity 5e-4, friction_force, normal_load 3e-4, base_displacement, "
      "drive_force 0.2"},

@@ -86,10 +86,15 @@ TEST_F(StudyTest, AFileThatIsNoneIsAnErrorThatNamesIt) {
 
 TEST_F(StudyTest, ThePageHasEveryQuestionItsLimitsAndItsAnswer) {
   const std::string page = page_of(whole_study());
-  for (const char* text : {"a &lt;rig&gt;", "a sine &amp; more", "0.015 m", "0.25 N", "run-02",
-                           "not diagnosed yet", "It is a.", "the budget is used", "33.3 %"}) {
+  for (const char* text :
+       {"a &lt;rig&gt;", "a sine &amp; more", "0.015 m", "0.25 N", "run-02", "not diagnosed yet",
+        "It is a.", "the budget is used", "33.3 %",
+        "Result after run-01: missing physics, a, with a probability of 33.3 %; also possible: "
+        "b (66.7 %).",
+        "Answer: missing physics"}) {
     EXPECT_THAT(page, HasSubstr(text));
   }
+  EXPECT_THAT(page, testing::Not(HasSubstr("It is b."))) << "not a finding";
 }
 
 std::string model_text() {

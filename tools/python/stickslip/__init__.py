@@ -45,7 +45,7 @@ class Diagnosis(dict):
     section 5).
 
     text: the report as the program prints it
-    model: the amended Model: calibrated, with the physics found and the uncertainty of every fitted number
+    model: the augmented Model: calibrated, with the physics found and the uncertainty of every fitted number
     html: the report as a page with figures, if that was asked for; otherwise None
     """
 
@@ -100,9 +100,9 @@ def diagnose(recordings, model, *, seed=1, jobs=0, horizon_s=None, bootstrap=0, 
     """
     if _is_file(recordings) or isinstance(recordings, Recording):
         recordings = [recordings]
-    report, text, page, amended = _stickslip.diagnose(
+    report, text, page, augmented = _stickslip.diagnose(
         [_recording(each) for each in recordings], _model(model), seed, jobs, horizon_s, bootstrap, html, progress)
-    return Diagnosis(_json.loads(report), text, page, amended)
+    return Diagnosis(_json.loads(report), text, page, augmented)
 
 
 def evaluate(recording, model, *, horizon_s=None, free_run=False, jobs=0, progress=None):
