@@ -2,18 +2,22 @@
 // main of tests that keep real time: emulated devices send when it is time to, whether or not the
 // host lets the driver run. A test that fails while its threads waited for a processor shows
 // nothing, and is repeated; one that fails on a host that kept up has failed.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -28,6 +32,45 @@ constexpr int most_attempts = 10;
 // Delays above which a failure shows nothing: drivers and emulated devices act every millisecond.
 constexpr milliseconds tolerated_delay{5};
 constexpr milliseconds tolerated_wait{20};
+constexpr milliseconds tolerated_line_delay{10};
+
+/// Longest time for which a byte has been on its way through a pseudo-terminal: the kernel carries
+/// it by a worker of its own, which waits for a processor as well.
+class LineDelay {
+ public:
+  LineDelay() : master_(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)) {
+    if (master_ < 0 || ::grantpt(master_) != 0 || ::unlockpt(master_) != 0) return;
+    slave_ = ::open(::ptsname(master_), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    termios raw{};
+    ::tcgetattr(slave_, &raw);
+    ::cfmakeraw(&raw);
+    ::tcsetattr(slave_, TCSANOW, &raw);
+  }
+  LineDelay(const LineDelay&) = delete;
+  LineDelay& operator=(const LineDelay&) = delete;
+  ~LineDelay() {
+    if (slave_ >= 0) ::close(slave_);
+    if (master_ >= 0) ::close(master_);
+  }
+
+  /// Takes the byte that is on its way, or sends the next one.
+  void watch() {
+    char byte = 'x';
+    if (!sent_) {
+      if (slave_ >= 0 && ::write(master_, &byte, 1) == 1) sent_ = steady_clock::now();
+      return;
+    }
+    longest_ = std::max<nanoseconds>(longest_, steady_clock::now() - *sent_);
+    if (::read(slave_, &byte, 1) == 1) sent_.reset();
+  }
+  nanoseconds longest() const { return longest_; }
+
+ private:
+  int master_;
+  int slave_ = -1;
+  std::optional<steady_clock::time_point> sent_;
+  nanoseconds longest_{0};
+};
 
 /// Delays of a process by its host, as seen from its parent.
 class HostDelays {
@@ -39,8 +82,10 @@ class HostDelays {
     const auto wanted = steady_clock::now() + milliseconds(1);
     std::this_thread::sleep_until(wanted);
     longest_ = std::max<nanoseconds>(longest_, steady_clock::now() - wanted);
+    line_.watch();
     if (++count_ % 20 == 0) read_waits();
   }
+  nanoseconds of_line() const { return line_.longest(); }
   /// The longest delay of a sleeping process: none of its processors was free, or the whole machine
   /// stood still.
   nanoseconds longest() const { return longest_; }
@@ -66,6 +111,7 @@ class HostDelays {
   }
 
   fs::path tasks_;
+  LineDelay line_;
   int count_ = 0;
   nanoseconds longest_{0};
   std::map<std::string, nanoseconds> waited_;
@@ -97,10 +143,13 @@ Attempt attempt(int argc, char** argv) {
   int ended = 0;
   while (::waitpid(child, &ended, WNOHANG) == 0) delays.watch();
   const Attempt out{WIFEXITED(ended) ? WEXITSTATUS(ended) : 128 + WTERMSIG(ended),
-                    delays.longest() < tolerated_delay && delays.waited() < tolerated_wait};
+                    delays.longest() < tolerated_delay && delays.waited() < tolerated_wait &&
+                        delays.of_line() < tolerated_line_delay};
   if (out.status != 0) {
-    std::printf("[   HOST   ] longest delay %.1f ms, threads waited %.1f ms for a processor\n",
-                in_ms(delays.longest()), in_ms(delays.waited()));
+    std::printf(
+        "[   HOST   ] longest delay %.1f ms, of a line %.1f ms, threads waited %.1f ms for a "
+        "processor\n",
+        in_ms(delays.longest()), in_ms(delays.of_line()), in_ms(delays.waited()));
   }
   return out;
 }
