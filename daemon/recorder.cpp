@@ -93,8 +93,8 @@ void keep_existing(const std::filesystem::path& file) {
   spdlog::warn("{} already exists: kept as {}", file.string(), kept.string());
 }
 
-/// Another daemon may have rotated away from the log of that name and be writing a later part.
-void require_free_parts(const std::filesystem::path& file) {
+/// Throws if a part that the folder has now is being written.
+void require_present_parts_free(const std::filesystem::path& file) {
   namespace fs = std::filesystem;
   const std::string begin = file.stem().string() + '.';
   std::error_code error;
@@ -106,6 +106,14 @@ void require_free_parts(const std::filesystem::path& file) {
     if (stem.find_first_not_of("0123456789", begin.size()) != std::string::npos) continue;
     protocol::require_free_log(other);
   }
+}
+
+/// Another daemon may have rotated away from the log of that name and be writing a later part. One
+/// that it begins while the folder is read is found the second time: it locks it before it releases
+/// the part before.
+void require_free_parts(const std::filesystem::path& file) {
+  require_present_parts_free(file);
+  require_present_parts_free(file);
 }
 
 protocol::LogWriter begin_log(const std::filesystem::path& file) {

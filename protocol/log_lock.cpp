@@ -38,15 +38,25 @@ std::string process_with(const struct stat& file) {
   return found;
 }
 
+// Empty if unknown.
 std::string holder_of(int descriptor) {
   struct stat file {};
-  if (::fstat(descriptor, &file) != 0) return "another process";
+  if (::fstat(descriptor, &file) != 0) return {};
   const std::string process = process_with(file);
-  if (process.empty()) return "another process";
+  if (process.empty()) return {};
   std::string program;
   std::ifstream comm("/proc/" + process + "/comm");
   std::getline(comm, program);
   return "process " + process + (program.empty() ? "" : " (" + program + ')');
+}
+
+// False if another one has locked the file.
+bool locked(int descriptor) {
+  int result = 0;
+  do {
+    result = ::flock(descriptor, LOCK_EX | LOCK_NB);
+  } while (result != 0 && errno == EINTR);
+  return result == 0 || errno != EWOULDBLOCK;
 }
 
 }  // namespace
@@ -54,13 +64,16 @@ std::string holder_of(int descriptor) {
 void lock_log(int descriptor, const std::filesystem::path& file) {
   struct stat status {};
   if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return;
-  int result = 0;
-  do {
-    result = ::flock(descriptor, LOCK_EX | LOCK_NB);
-  } while (result != 0 && errno == EINTR);
-  if (result == 0 || errno != EWOULDBLOCK) return;
+  // A lock without a holder has mostly been released meanwhile, as of a log's part that is
+  // complete.
+  constexpr int attempts = 100;
+  std::string holder;
+  for (int attempt = 0; attempt < attempts && holder.empty(); ++attempt) {
+    if (locked(descriptor)) return;
+    holder = holder_of(descriptor);
+  }
   throw InputError(Problem{file.string(), 0, 0,
-                           "is being written by " + holder_of(descriptor) +
+                           "is being written by " + (holder.empty() ? "another process" : holder) +
                                ": stop that, or choose another file; nothing was changed"});
 }
 
