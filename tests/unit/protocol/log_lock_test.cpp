@@ -45,7 +45,7 @@ class LogLock : public testing::Test {
       ::usleep(50);
     }
   }
-  // What a writer is told: empty if the file is free.
+  // The error that a writer gets; empty if the file is free.
   std::string refusal() const {
     try {
       require_free_log(file_);
