@@ -259,6 +259,12 @@ bool Search::is_needless(const FittedCandidate& best) const {
          tier_of(best.candidate) != Tier::listed;
 }
 
+std::vector<FittedCandidate> Search::finalists_beside_current(const CandidateFilter& wanted) const {
+  return finalists(
+      data_, features_, current_,
+      [&](const std::string& step, double done) { report(step, 0.5 * done); }, wanted);
+}
+
 bool Search::add_effect() {
   if (is_complete()) return add_contradicted_instrument();
   if (add_effect_beside_current()) return true;
@@ -302,9 +308,7 @@ bool Search::add_contradicted_instrument() {
   const FittedCandidate before = current_;
   current_ = *with_instruments_held(current_);
   features_ = features_of(current_);
-  std::vector<FittedCandidate> candidates = finalists(
-      data_, features_, current_,
-      [&](const std::string& step, double done) { report(step, 0.5 * done); }, wanted);
+  std::vector<FittedCandidate> candidates = finalists_beside_current(wanted);
   if (!candidates.empty()) {
     fit_finalists(candidates);
     if (is_gain(current_.held_out, candidates.front().held_out)) {
@@ -319,9 +323,7 @@ bool Search::add_contradicted_instrument() {
 }
 
 bool Search::add_effect_beside_current() {
-  std::vector<FittedCandidate> candidates =
-      finalists(data_, features_, current_,
-                [&](const std::string& step, double done) { report(step, 0.5 * done); });
+  std::vector<FittedCandidate> candidates = finalists_beside_current();
   if (candidates.empty()) return false;
   fit_finalists(candidates);
   if (!claims_.empty()) prefer_listed(candidates);
@@ -352,9 +354,7 @@ bool Search::add_with_second(std::vector<FittedCandidate> firsts) {
   if (!(first.total_loss() < current_.total_loss())) return false;
   const FittedCandidate before = current_;
   claim(first, std::move(firsts));
-  std::vector<FittedCandidate> seconds =
-      finalists(data_, features_, current_,
-                [&](const std::string& step, double done) { report(step, 0.5 * done); });
+  std::vector<FittedCandidate> seconds = finalists_beside_current();
   if (!seconds.empty()) {
     fit_finalists(seconds);
     const FittedCandidate second = seconds.front();

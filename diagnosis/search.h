@@ -15,6 +15,7 @@
 #include "diagnosis/fitted_candidate.h"
 #include "diagnosis/fitting.h"
 #include "diagnosis/residual_features.h"
+#include "diagnosis/screening.h"
 
 namespace stickslip::diagnosis {
 
@@ -100,6 +101,7 @@ class Search {
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
   void extend();
+  std::vector<FittedCandidate> finalists_beside_current(const CandidateFilter& wanted = {}) const;
   bool add_effect();
   void prefer_listed(std::vector<FittedCandidate>& candidates) const;
   bool is_claimable(const FittedCandidate& best) const;
