@@ -243,7 +243,7 @@ class JointFit {
       }
       // The first trial is mostly accepted: derivatives are then needed at once.
       Trial trial = trial_at(delta, reduced, attempt == 0 && (!last || options_.covariance));
-      if (trial.cost < cost_) return accept(std::move(trial), last);
+      if (trial.cost < cost_) return accept(std::move(trial), attempt == 0, last);
       damping_ *= 8.0;
       if (trial.cost - cost_ < 1.0e-9 * cost_) return false;
     }
@@ -362,8 +362,9 @@ class JointFit {
     return std::max(options_.tolerance * cost_, options_.excess_tolerance * (cost_ - residuals));
   }
 
-  // Returns true unless the fit has converged.
-  bool accept(Trial trial, bool last) {
+  // Returns true unless the fit has converged. A small gain ends it, unless only an earlier damping
+  // made it small: where longer steps were refused just now, the model is not linear that far.
+  bool accept(Trial trial, bool at_once, bool last) {
     const double enough = enough_gain();
     bool converged = cost_ - trial.cost < enough;
     z_ = std::move(trial.z);
@@ -374,7 +375,7 @@ class JointFit {
     // At the end derivatives are only needed for a covariance.
     if (!(converged || last) || options_.covariance) {
       if (!trial.linearised) linearise();
-      if (converged && damping_ > min_damping) {
+      if (converged && at_once && damping_ > min_damping) {
         converged = !(newton_decrement() > enough);
         damping_ = std::max(min_damping, damping_ * ridge_damping);
       }
