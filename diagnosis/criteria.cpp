@@ -73,7 +73,7 @@ constexpr std::array counts = {
     Limits{"effort.number_finalists", &Effort::number_finalists, 0.0, unlimited},
     Limits{"effort.restarts", &Effort::restarts, 0.0, unlimited},
     Limits{"effort.most_effects", &Effort::most_effects, 1.0, unlimited},
-    Limits{"effort.swaps", &Effort::swaps, 0.0, unlimited},
+    Limits{"effort.searches", &Effort::searches, 1.0, unlimited},
     Limits{"effort.bootstrap_draws", &Effort::bootstrap_draws, 1.0, unlimited},
     Limits{"effort.region_bootstrap_draws", &Effort::region_bootstrap_draws, 2.0, unlimited},
     Limits{"effort.separation_windows", &Effort::separation_windows, 1.0, unlimited},

@@ -23,13 +23,15 @@ struct Effort {
   int rough_iterations = 2;
   std::size_t refinements = 9;  ///< candidates refined after the rough fits, the best first
   int refinement_iterations = 4;
-  std::size_t listed_finalists = 5;          ///< listed effects fitted on all windows
-  std::size_t unlisted_finalists = 2;        ///< formulas and drawn shapes fitted on all windows
-  std::size_t rough_numbers = 4;             ///< declared numbers fitted again after screening
-  std::size_t number_finalists = 2;          ///< declared numbers fitted on all windows
-  std::size_t restarts = 2;                  ///< finalists refitted from the declared values
-  std::size_t most_effects = 6;              ///< effects at once
-  std::size_t swaps = 6;                     ///< claimed effects for which another one is searched
+  std::size_t listed_finalists = 5;    ///< listed effects fitted on all windows
+  std::size_t unlisted_finalists = 2;  ///< formulas and drawn shapes fitted on all windows
+  std::size_t rough_numbers = 4;       ///< declared numbers fitted again after screening
+  std::size_t number_finalists = 2;    ///< declared numbers fitted on all windows
+  std::size_t restarts = 2;            ///< finalists refitted from the declared values
+  std::size_t most_effects = 6;        ///< effects at once
+  /// Of the catalogue, for another effect or for one in place of a claimed one: what no more of
+  /// them explain is unexplained.
+  std::size_t searches = 6;
   std::size_t bootstrap_draws = 2000;        ///< of held-out windows, for probabilities
   std::size_t region_bootstrap_draws = 400;  ///< of windows, for the error of a region's contrast
   int detection_evaluations = 7;             ///< sizes tried for one detection limit

@@ -259,9 +259,14 @@ bool Search::is_needless(const FittedCandidate& best) const {
          tier_of(best.candidate) != Tier::listed;
 }
 
-std::vector<FittedCandidate> Search::finalists_beside_current(const CandidateFilter& wanted) const {
+// None once as many searches were made as a diagnosis may cost.
+std::vector<FittedCandidate> Search::finalists_beside(const FittedCandidate& base,
+                                                      const ResidualFeatures& features,
+                                                      const CandidateFilter& wanted) {
+  if (!may_search()) return {};
+  ++searches_;
   return finalists(
-      data_, features_, current_,
+      data_, features, base,
       [&](const std::string& step, double done) { report(step, 0.5 * done); }, wanted);
 }
 
@@ -308,7 +313,7 @@ bool Search::add_contradicted_instrument() {
   const FittedCandidate before = current_;
   current_ = *with_instruments_held(current_);
   features_ = features_of(current_);
-  std::vector<FittedCandidate> candidates = finalists_beside_current(wanted);
+  std::vector<FittedCandidate> candidates = finalists_beside(current_, features_, wanted);
   if (!candidates.empty()) {
     fit_finalists(candidates);
     if (is_gain(current_.held_out, candidates.front().held_out)) {
@@ -323,7 +328,7 @@ bool Search::add_contradicted_instrument() {
 }
 
 bool Search::add_effect_beside_current() {
-  std::vector<FittedCandidate> candidates = finalists_beside_current();
+  std::vector<FittedCandidate> candidates = finalists_beside(current_, features_);
   if (candidates.empty()) return false;
   fit_finalists(candidates);
   if (!claims_.empty()) prefer_listed(candidates);
@@ -354,7 +359,7 @@ bool Search::add_with_second(std::vector<FittedCandidate> firsts) {
   if (!(first.total_loss() < current_.total_loss())) return false;
   const FittedCandidate before = current_;
   claim(first, std::move(firsts));
-  std::vector<FittedCandidate> seconds = finalists_beside_current();
+  std::vector<FittedCandidate> seconds = finalists_beside(current_, features_);
   if (!seconds.empty()) {
     fit_finalists(seconds);
     const FittedCandidate second = seconds.front();
@@ -453,9 +458,7 @@ std::optional<FittedCandidate> Search::better_in_place_of(std::size_t replaced, 
   if (!rest) return std::nullopt;
   fit_and_score(data_, current_.held_out, {&*rest, 1});
   if (auto held = with_instruments_held(*rest)) rest = std::move(held);
-  std::vector<FittedCandidate> candidates =
-      finalists(data_, features_of(*rest), *rest,
-                [&](const std::string& step, double done) { report(step, done); });
+  std::vector<FittedCandidate> candidates = finalists_beside(*rest, features_of(*rest));
   const physics::Tier tier = tier_of(claims_[replaced].candidate);
   std::erase_if(candidates, [&](const FittedCandidate& each) {
     return each.candidate == claims_[replaced].candidate || tier_of(each.candidate) > tier;
@@ -492,9 +495,9 @@ std::vector<std::size_t> Search::by_need() const {
 // An effect that was claimed when others were still missing may have stood in for them: it is
 // replaced by one that gains more beside those found since.
 bool Search::swap_effect() {
-  if (claims_.size() < 2) return false;
+  if (claims_.size() < 2 || !may_search()) return false;
   for (const std::size_t i : by_need()) {
-    if (swaps_++ >= data_.criteria.effort.swaps) return false;
+    if (!may_search()) return false;
     Claim claim;
     const std::optional<FittedCandidate> winner = better_in_place_of(i, claim);
     if (!winner) continue;

@@ -101,7 +101,10 @@ class Search {
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
   void extend();
-  std::vector<FittedCandidate> finalists_beside_current(const CandidateFilter& wanted = {}) const;
+  bool may_search() const { return searches_ < data_.criteria.effort.searches; }
+  std::vector<FittedCandidate> finalists_beside(const FittedCandidate& base,
+                                                const ResidualFeatures& features,
+                                                const CandidateFilter& wanted = {});
   bool add_effect();
   void prefer_listed(std::vector<FittedCandidate>& candidates) const;
   bool is_claimable(const FittedCandidate& best) const;
@@ -135,7 +138,7 @@ class Search {
   Progress progress_;
   Task declared_task_;
   ResidualFeatures features_;
-  std::size_t swaps_ = 0;  // tried so far
+  std::size_t searches_ = 0;  // of the catalogue, so far
   FittedCandidate declared_;
   FittedCandidate current_;
   std::vector<Claim> claims_;

@@ -280,6 +280,20 @@ TEST(Diagnosis, FindsThreeEffectsAtOnce) {
   EXPECT_NEAR(got.augmented->chi2_per_sample, 1.0, 4.0 * noise_of(*got.augmented));
 }
 
+// The time of a recording that nothing explains is that of as many searches.
+TEST(Diagnosis, SearchesTheCatalogueNoMoreOftenThanAllowed) {
+  auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.3}}});
+  truth = with_term(truth, "cubic_stiffness", {{"k3_n_m3", {4000.0}}});
+  truth = with_term(truth, "quadratic_drag", {{"drag_n_s2_m2", {0.5}}});
+  Options options;
+  options.threads = 2;
+  options.criteria.effort.searches = 1;
+  const Diagnosis got = diagnose({record(truth, 24.0)}, driven_mass(), options);
+  EXPECT_LE(got.findings.size(), 1U) << report_text(got);
+  ASSERT_FALSE(got.trials.empty());
+  for (const Trial& trial : got.trials) EXPECT_EQ(trial.stage, 0) << trial.id;
+}
+
 // Each of them removes a few hundredths of chi-squared per sample.
 TEST(Diagnosis, FindsTwoWeakEffects) {
   const auto truth = with_term(with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {0.5}}}),
