@@ -271,6 +271,7 @@ std::vector<FittedCandidate> Search::finalists_beside(const FittedCandidate& bas
 }
 
 bool Search::add_effect() {
+  if (!may_search()) return false;
   if (is_complete()) return add_contradicted_instrument();
   if (add_effect_beside_current()) return true;
   std::optional<FittedCandidate> held = with_instruments_held(current_);
