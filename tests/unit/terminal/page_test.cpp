@@ -40,7 +40,8 @@ TEST(Page, LeavesACommandToCopyWhole) {
 }
 
 TEST(Page, IsUnchangedForAProgram) {
-  const std::string text = std::string(300, 'x') + " y\n\nz";
+  std::string text(300, 'x');
+  text += " y\n\nz";
   EXPECT_EQ(fitted(text, 0), text);
   EXPECT_EQ(fitted("a\n\nb", 60), "a\n\nb");
 }
