@@ -42,9 +42,9 @@ constexpr double reconstruction_margin_s = 0.35;
 constexpr double guess_accuracy = 0.02;
 // Departure from the instants of the grid that no reading shows [periods].
 constexpr double negligible_periods = 1.0e-4;
-// Longest integration step under an imposed motion [s]: no inertia smooths the friction of a
-// contact that passes through its transition speed.
-constexpr double imposed_step_s = 1.0e-4;
+// Longest integration step under an imposed motion [s]: no inertia smooths the friction whose steps
+// the filters of its channel see.
+constexpr double imposed_step_s = 3.0e-4;
 constexpr double min_window_samples = 8.0;
 // Longest coarse integration step [s].
 constexpr double longest_coarse_step_s = 1.0e-3;
@@ -175,10 +175,8 @@ void set_time_base(Experiment& e, const Source& source) {
 // Longest step that resolves the model's motion.
 double resolving_step_s(const Model& model) {
   double step_s = physics::Rig(model).longest_step_s();
-  // An effect on trial may make a declared load cell resonate. It rings at each reversal of
-  // friction, whose time has an error of half a step: with 125 steps in a period that was a fifth
-  // of the power of the noise in recordings of `conceal`.
-  constexpr double steps_in_period = 200.0;
+  // An effect on trial may make a declared load cell resonate.
+  constexpr double steps_in_period = 125.0;
   if (model.load_cell) {
     step_s =
         std::min(step_s, 1.0 / (steps_in_period * model.load_cell->natural_frequency_hz.value));
@@ -729,8 +727,9 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
   }
   const auto length = static_cast<std::size_t>(std::llround(horizon_s / e.period_s));
   for (const Segment& segment : e.segments.empty() ? std::vector<Segment>{whole(e)} : e.segments) {
-    for (std::size_t begin = std::max(segment.usable_begin, segment.begin + warm);
-         begin + length <= segment.usable_end; begin += length) {
+    // The motion before a window decides how it begins, and needs accurate inputs, too.
+    for (std::size_t begin = segment.usable_begin + warm; begin + length <= segment.usable_end;
+         begin += length) {
       e.windows.push_back({begin - warm, begin, begin + length});
     }
   }

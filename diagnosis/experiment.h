@@ -57,7 +57,7 @@ struct StateGuess {
 struct Segment {
   std::size_t begin = 0;
   std::size_t end = 0;
-  std::size_t usable_begin = 0;  ///< samples near the ends only feed filters
+  std::size_t usable_begin = 0;  ///< nearer to an end, inputs are inaccurate
   std::size_t usable_end = 0;
   double start_s = 0.0;  ///< time of `begin`, after that of sample 0
 };

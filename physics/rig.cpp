@@ -653,8 +653,8 @@ void Rig::complete(RigState<T>& state, const Input& now, double time_s,
 }
 
 template <class T>
-void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double time_s, double h,
-               const RigNumbers<T>& n) const {
+void Rig::undivided_step(RigState<T>& state, const Input& begin, const Input& end, double time_s,
+                         double h, const RigNumbers<T>& n) const {
   const auto count = static_cast<std::size_t>(state_count_);
   const double alpha = gamma_ars * h;
   std::array<T, max_rig_states> e1{};
@@ -686,6 +686,36 @@ void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double 
     terms_[i].effect->confine(&state.s[static_cast<std::size_t>(terms_[i].first_state)],
                               n.term[i].data());
   }
+}
+
+// True if friction passes through much of its transition while the slip velocity changes so.
+bool Rig::is_transition(double slip, double next, double transition_speed) const {
+  if (set_valued_) return (slip > 0.0) != (next > 0.0) || (slip < 0.0) != (next < 0.0);
+  constexpr double much = 0.2;
+  const auto level = [&](double each) { return std::clamp(each / transition_speed, -1.0, 1.0); };
+  return std::abs(level(next) - level(slip)) > much;
+}
+
+template <class T>
+void Rig::halving_step(RigState<T>& state, const Input& begin, const Input& end, double time_s,
+                       double h, const RigNumbers<T>& n, int halvings) const {
+  const RigState<T> start = state;
+  undivided_step(state, begin, end, time_s, h, n);
+  if (halvings == 0 || !structure_.friction) return;
+  if (!is_transition(value_of(start.slip), value_of(state.slip), value_of(n.c.transition_speed))) {
+    return;
+  }
+  state = start;
+  const Input middle = between(begin, end, 0.5);
+  halving_step(state, begin, middle, time_s, 0.5 * h, n, halvings - 1);
+  halving_step(state, middle, end, time_s + 0.5 * h, 0.5 * h, n, halvings - 1);
+}
+
+template <class T>
+void Rig::step(RigState<T>& state, const Input& begin, const Input& end, double time_s, double h,
+               const RigNumbers<T>& n) const {
+  constexpr int most_halvings = 4;
+  halving_step(state, begin, end, time_s, h, n, most_halvings);
 }
 
 template <class T>

@@ -133,6 +133,8 @@ class Rig {
   void complete(RigState<T>& state, const Input& now, double time_s, const RigNumbers<T>& n) const;
 
   /// One step of `h` seconds from `time_s`, while the input goes linearly from `begin` to `end`.
+  /// Where friction reverses or sets in, the step is halved up to four times around that instant:
+  /// an error of its time by part of a step would be the largest of all.
   template <class T>
   void step(RigState<T>& state, const Input& begin, const Input& end, double time_s, double h,
             const RigNumbers<T>& n) const;
@@ -155,6 +157,13 @@ class Rig {
   template <class T>
   void explicit_rates(std::array<T, max_rig_states>& rate, const RigState<T>& state,
                       const Input& now, double time_s, const RigNumbers<T>& n) const;
+  bool is_transition(double slip, double next, double transition_speed) const;
+  template <class T>
+  void undivided_step(RigState<T>& state, const Input& begin, const Input& end, double time_s,
+                      double h, const RigNumbers<T>& n) const;
+  template <class T>
+  void halving_step(RigState<T>& state, const Input& begin, const Input& end, double time_s,
+                    double h, const RigNumbers<T>& n, int halvings) const;
   /// Changes `factors` by those of all terms at that slip velocity.
   template <class T>
   void scale_friction(FrictionFactors<T>& factors, const RigState<T>& state, const T& slip,

@@ -182,6 +182,21 @@ TEST(Experiment, NothingIsReconstructedAcrossAGap) {
   EXPECT_LT(relative_error_of_base(e), 0.02);
 }
 
+// An input that is inaccurate near a gap would move the rig before the readings are compared.
+TEST(Windows, AreIntegratedFromWhereInputsAreAccurate) {
+  auto recording = shaken([](int k) { return 0.005 * k; }, 8000);
+  recording.frames.erase(recording.frames.begin() + 3000, recording.frames.begin() + 4000);
+  physics::Model late = shaken_mass();
+  late.sensors[0].delay_s = physics::Parameter{0.0, 1.0e-3};
+  Experiment e = make_experiment(recording, late);
+  cut_windows(e, late, 0.4);
+  ASSERT_GT(e.windows.size(), 60U);
+  for (const Window& window : e.windows) {
+    EXPECT_LT(window.warm, window.begin);
+    EXPECT_GE(window.warm, e.segment_of(window.begin).usable_begin);
+  }
+}
+
 TEST(Experiment, InputsAreThoseAtTheInstantsWhateverTheirTimesOfMeasurement) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> jitter(-0.3, 0.3);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -129,6 +130,50 @@ TEST(Rig, LargeGammaApproachesCoulombAtFirstOrder) {
   EXPECT_NEAR(far / near, 2.0, 0.35);
 }
 
+// Largest error of theta in steps of `h` under an imposed motion, where it follows the velocity's
+// direction, which reverses between the ends of a step.
+double largest_error_of_theta(double h) {
+  constexpr double gamma = 110.0;
+  constexpr double omega = 17.0;
+  Model model;
+  model.oscillator.excitation = Excitation::imposed;
+  model.oscillator.mass_kg = {0.06};
+  model.normal_load = NormalLoad{NormalLoadLaw::constant, {0.2}, {}};
+  model.friction.law = FrictionLaw::state_variable;
+  model.friction.mu = {0.6};
+  model.friction.transition_speed_m_s = {1.0e-6};
+  model.friction.rate_per_s = {gamma};
+  const Rig rig(model);
+  const auto n = rig.numbers<double>(rig.parameter_values());
+  const auto input_at = [](double t) {
+    Input input;
+    input.displacement_m = -0.03 / omega * std::cos(omega * t);
+    input.velocity_m_s = 0.03 * std::sin(omega * t);
+    return input;
+  };
+  RigState<double> state;
+  double exact = 0.0;
+  double largest = 0.0;
+  for (int k = 0; k * h < 1.0; ++k) {
+    const double t = k * h;
+    rig.step(state, input_at(t), input_at(t + h), t, h, n);
+    // Towards the direction of the step's beginning until it reverses, then towards the other one.
+    const double half_turns = std::floor(omega * t / std::numbers::pi);
+    const double first = std::fmod(half_turns, 2.0) == 0.0 ? 1.0 : -1.0;
+    const double reversal = (half_turns + 1.0) * std::numbers::pi / omega;
+    const double before = std::min(h, reversal - t);
+    exact = first + (exact - first) * std::exp(-gamma * before);
+    exact = -first + (exact + first) * std::exp(-gamma * (h - before));
+    largest = std::max(largest, std::abs(state.theta - exact));
+  }
+  return largest;
+}
+
+TEST(Rig, LongStepsResolveTheReversalsOfFriction) {
+  EXPECT_LT(largest_error_of_theta(1.0e-3), 0.005);
+  EXPECT_LT(largest_error_of_theta(2.5e-4), 0.001);
+}
+
 TEST(Rig, StepErrorFallsWithTheSquareOfTheStepInSmoothMotion) {
   Model model = coulomb_decay_model();
   model.friction = {};
@@ -234,7 +279,7 @@ TEST(FrictionMemory, WithASpreadIsTheSumOfTwoProcessesWithOneMeanLag) {
   model.oscillator.excitation = Excitation::imposed;
   model.friction.law = FrictionLaw::coulomb;
   model.friction.mu = {2.0};
-  model.friction.transition_speed_m_s = {1.0e-4};
+  model.friction.transition_speed_m_s = {1.0e-6};
   model.terms.push_back({"friction_memory", {}, {{"gamma_per_s", {80.0}}, {"spread", {0.5}}}});
   const Rig rig(model);
   const auto numbers = rig.numbers<double>(rig.parameter_values());
