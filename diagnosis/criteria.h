@@ -2,11 +2,13 @@
 // Thresholds of a diagnosis: every number that decides what is claimed, preferred, reported or left
 // out, and how much work is spent before that is decided.
 //
-// Unless a line says otherwise, a default was set by hand on concealed recordings made during
-// development, so that recordings of consistent rigs are not reported as missing physics; its rate
-// of false alarms has not been measured. `nat`: unit of the natural logarithm of a likelihood.
+// One rate of false alarms decides when a gain may be chance. Unless a line says otherwise, every
+// other default was set by hand on concealed recordings made during development, so that recordings
+// of consistent rigs are not reported as missing physics. `nat`: unit of the natural logarithm of a
+// likelihood.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <string>
 
@@ -46,9 +48,10 @@ struct Criteria {
   double explained_chi2 = 1.3;
   /// The same while the noise is only an estimate.
   double explained_chi2_estimated_noise = 3.0;
-  /// Share of the excess chi-squared (above 1) that findings may leave and still explain the
-  /// recording: no model of a real machine is exact.
-  double explained_excess_share = 0.1;
+  /// Share that is negligible, since no model of a real machine is exact: of the excess chi-squared
+  /// (above 1), which findings may leave and still explain the recording; of what an effect gains
+  /// in some windows, which it may lose in others.
+  double negligible_share = 0.1;
   /// Prior penalty [nat] of the calibrated parameters (half the sum of squares of their distances
   /// from the declared values in standard deviations) above which the calibration is implausible.
   /// Nine parameters that follow their priors exceed it once in 100000 recordings.
@@ -61,13 +64,8 @@ struct Criteria {
   double near_noise_factor = 3.0;
 
   // --- When an effect is claimed ---------------------------------------------------------------
-  /// Mean held-out gain over windows, in standard errors: one-sided probability 5e-4 under the
-  /// null; or the same probability by the signs of the windows' gains.
-  double claim_z = 3.3;
-  /// Alternative to claim_z where the noise is known: net gain [nat] without the best window, ...
-  double claim_nats = 10.0;
-  /// ... with a loss in worse windows of at most this share of the gain in better ones.
-  double claim_loss_share = 0.1;
+  /// Share of the recordings of consistent rigs in which an effect may be claimed by chance.
+  double false_alarm_rate = 0.01;
   /// Share of the excess chi-squared (at least 1) that effects have to remove each where all of
   /// them together do not explain the recording: any term absorbs a little of what another effect
   /// leaves.
@@ -82,9 +80,6 @@ struct Criteria {
   // --- When the search goes on -----------------------------------------------------------------
   /// Held-out chi-squared per sample below which nothing further is searched.
   double noise_floor_chi2 = 1.1;
-  /// Held-out chi-squared per sample of the best finalist above which the best are refitted:
-  /// such a fit may have ended in a local minimum.
-  double restart_chi2 = 1.3;
   /// Calibrated parameters farther than this from the declared values [standard deviations] are
   /// also started from the declared values when an effect is added.
   double distant_calibration = 2.0;
@@ -136,6 +131,13 @@ struct Criteria {
   double remark_delay_periods = 0.05;  ///< [sampling periods]
 
   Effort effort;
+
+  /// Probability by chance below which the gain of one effect is claimed: the rate shared among the
+  /// effects of the catalogue, of which about twenty change readings in ways of their own.
+  double claim_level() const { return false_alarm_rate / 20.0; }
+  /// Gain [nat] that a true hypothesis loses to a rival, on data to which neither is fitted, less
+  /// often than claim_level: a likelihood ratio has a mean of 1 there (Markov's inequality).
+  double claim_nats() const { return -std::log(claim_level()); }
 };
 
 /// A sentence that names the first value outside its range; empty for valid criteria.

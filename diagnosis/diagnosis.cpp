@@ -111,9 +111,8 @@ Verdict verdict_of(const Search& search, Diagnosis& out) {
   if (out.findings.empty()) return verdict_without_findings(search, out);
   const double excess_before = search.declared().held_out.chi2 - 1.0;
   const double excess_after = search.result().held_out.chi2 - 1.0;
-  const bool explained =
-      (search.is_explained() && !search.is_implausible()) ||
-      excess_after <= search.data().criteria.explained_excess_share * excess_before;
+  const bool explained = (search.is_explained() && !search.is_implausible()) ||
+                         excess_after <= search.data().criteria.negligible_share * excess_before;
   return explained ? Verdict::missing_physics : Verdict::unexplained;
 }
 

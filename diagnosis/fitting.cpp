@@ -110,7 +110,7 @@ std::vector<bool> beaten_in_brief_fits(const SearchData& data,
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     for (std::size_t k = 0; k < candidates.size() && !beaten[i]; ++k) {
       beaten[i] = k != i && tier_of(candidates[k].candidate) == tier_of(candidates[i].candidate) &&
-                  gain_z(briefly[i], briefly[k]) > data.criteria.claim_z;
+                  gain_chance(briefly[i], briefly[k]) < data.criteria.claim_level();
     }
   }
   return beaten;
@@ -178,7 +178,7 @@ void colour_noise(SearchData& data, const FittedCandidate& each) {
   }
   if (noise_loss(data.held_out, *each.hypothesis, each.fitted.z) -
           noise_loss(held_out, *each.hypothesis, each.fitted.z) <
-      data.criteria.claim_nats) {
+      data.criteria.claim_nats()) {
     return;
   }
   data.held_out = std::move(held_out);
@@ -291,7 +291,7 @@ void fit_and_score(const SearchData& data, const HeldOut& current,
 void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
                   std::span<FittedCandidate> candidates) {
   const auto is_near_noise = [&](const FittedCandidate& each) {
-    return each.held_out.chi2 < data.criteria.restart_chi2;
+    return each.held_out.chi2 < data.criteria.explained_chi2;
   };
   if (std::any_of(candidates.begin(), candidates.end(), is_near_noise)) return;
   std::vector<FittedCandidate*> best;

@@ -51,7 +51,7 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model);
 void settle(SearchData& data, FittedCandidate& each);
 
 /// Fits candidates on all windows, each with its own weights: briefly where another one of its tier
-/// is then better by Criteria::claim_z over the windows, else to convergence.
+/// is then better beyond Criteria::claim_level over the windows, else to convergence.
 void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates);
 
 /// The same, and scores them against `current`.

@@ -45,14 +45,14 @@ bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria
     (gain > 0.0 ? gained : lost) += std::abs(gain);
     most = std::max(most, gain);
   }
-  return gained - most - lost > criteria.claim_nats && lost < criteria.claim_loss_share * gained;
+  return gained - most - lost > criteria.claim_nats() && lost < criteria.negligible_share * gained;
 }
 
 // By Student's t, which few windows of like gains satisfy, or by signs, which gains of very
 // different sizes do.
 bool is_beyond_chance(const HeldOut& before, const HeldOut& after, const Criteria& criteria) {
-  return gain_z(before, after) > criteria.claim_z ||
-         sign_chance(before, after) < 0.5 * std::erfc(criteria.claim_z / std::sqrt(2.0));
+  const double level = criteria.claim_level();
+  return gain_chance(before, after) < level || sign_chance(before, after) < level;
 }
 
 }  // namespace
@@ -141,6 +141,10 @@ double gain_z(const HeldOut& before, const HeldOut& after) {
   const double z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) *
                    std::sqrt(freedom * std::log1p(t * t / freedom));
   return t > 0.0 ? z : -z;
+}
+
+double gain_chance(const HeldOut& before, const HeldOut& after) {
+  return 0.5 * std::erfc(gain_z(before, after) / std::sqrt(2.0));
 }
 
 double sign_chance(const HeldOut& before, const HeldOut& after) {

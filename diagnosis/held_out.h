@@ -57,6 +57,9 @@ ScoreGain score_gain(const HeldOut& before, const HeldOut& after);
 /// are the independent units: samples within one share its state.
 double gain_z(const HeldOut& before, const HeldOut& after);
 
+/// Probability of such a mean gain, or a larger one, by chance.
+double gain_chance(const HeldOut& before, const HeldOut& after);
+
 /// Probability of a gain over windows at least as large if every window were as likely to lose what
 /// it gains (randomisation test: Fisher 1935). Exact whatever the distribution of the gains, of
 /// which one that is much larger than the rest hides those from a standard error.

@@ -128,7 +128,7 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
     const bool is_declared = e.noise_declared[c];
     const Found found = most_probable(residuals[c], shortest_s, longest_s, is_declared);
     const double white = likelihood_of(residuals[c], {}, is_declared).nats;
-    if (white - found.likelihood.nats < criteria.claim_nats) return;
+    if (white - found.likelihood.nats < criteria.claim_nats()) return;
     out.colour[c] = found.colour;
     out.sigma[c] *= std::sqrt(found.likelihood.variance);
   });

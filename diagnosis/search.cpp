@@ -28,6 +28,10 @@ double formula_uncertainty(const CandidateEffect& candidate) {
   return largest;
 }
 
+// Of a decrease of chi-squared at least as large that an effect makes by one more parameter, in one
+// direction.
+double chance_of(double decrease) { return 0.5 * std::erfc(std::sqrt(0.5 * decrease)); }
+
 }  // namespace
 
 void Search::run(const physics::Model& model) {
@@ -152,10 +156,9 @@ bool Search::listed_effect_remains() const {
   if (!data_.noise_is_known || current_.held_out.chi2 < 1.0) return false;
   const Detection found = detection();
   const double least = least_gain();
-  const double most_by_chance = std::pow(data_.criteria.claim_z, 2);
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
     return tier_of(limit.candidate) == Tier::listed && limit.gain > least &&
-           limit.gain * found.samples > most_by_chance;
+           chance_of(limit.gain * found.samples) < data_.criteria.claim_level();
   });
 }
 

@@ -76,7 +76,7 @@ std::size_t lower_tier(const std::vector<FittedCandidate>& candidates, std::size
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     const FittedCandidate& each = candidates[k];
     if (tier_of(each.candidate) >= tier_of(candidates[chosen].candidate)) continue;
-    const bool nearly = each.total_loss() < std::max(enough, best + criteria.claim_nats);
+    const bool nearly = each.total_loss() < std::max(enough, best + criteria.claim_nats());
     // A number is no physics of its own: it displaces a formula by what it explains alone.
     const bool may_explain_part = !explained && !each.candidate.is_number();
     if (nearly || (may_explain_part &&

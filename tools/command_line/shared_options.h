@@ -63,6 +63,15 @@ inline void add_horizon_option(CLI::App& command, double& horizon_s) {
       ->check(positive_number());
 }
 
+inline void add_false_alarm_rate_option(CLI::App& command, double& rate) {
+  command
+      .add_option("--false-alarm-rate", rate,
+                  "Share of recordings without missing physics in which something may be claimed "
+                  "by chance; less asks for more evidence")
+      ->check(probability())
+      ->capture_default_str();
+}
+
 /// Of commands that run until they are stopped.
 inline void add_stop_after_option(CLI::App& command, double& duration_s) {
   command.add_option("--duration", duration_s, "Stop after this time [s]")

@@ -46,6 +46,7 @@ struct Arguments : DiagnosisArguments {
   std::vector<std::string> hold_out;
   std::vector<std::string> conditions;  // "load_n=3.43"
   std::string candidates;
+  double false_alarm_rate = diagnosis::Criteria{}.false_alarm_rate;
   std::size_t bootstrap = 0;
   terminal::Colours colours = terminal::Colours::automatic;
 };
@@ -128,6 +129,7 @@ report::Provenance provenance_of(const Arguments& arguments, const Work& work) {
     out.command += " --candidates " + out.candidates->name;
   }
   add_horizon(out, arguments);
+  add_false_alarm_rate(out, arguments.false_alarm_rate);
   if (arguments.bootstrap > 0) {
     out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
   }
@@ -154,6 +156,7 @@ int run(const Arguments& arguments, const Outputs& outputs) {
       recordings_from(work.recordings, arguments.columns);
   terminal::Progress progress("diagnosing");
   diagnosis::Options options = options_of(arguments, progress);
+  options.criteria.false_alarm_rate = arguments.false_alarm_rate;
   options.campaign = work.campaign;
   if (work.campaign) options.conditions = conditions_of(arguments, *work.campaign);
   diagnosis::Diagnosis result = diagnosis::diagnose(recordings, model, options);
@@ -216,6 +219,7 @@ void add_diagnose(CLI::App& app, Action& action) {
   add_diagnosis_options(*command, *arguments,
                         "Write the augmented model: calibrated, with the physics found and the "
                         "uncertainty of every fitted number");
+  add_false_alarm_rate_option(*command, arguments->false_alarm_rate);
   command
       ->add_option("--bootstrap", arguments->bootstrap,
                    "Also diagnose this number of synthetic recordings of the calibrated declared "
@@ -231,16 +235,19 @@ void add_diagnose(CLI::App& app, Action& action) {
     }
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };
   });
-  describe(*command,
-           {.examples = {{"Write the report as JSON and HTML, and the augmented model",
-                          "stickslip diagnose run.log --model model.toml --json report.json --html "
-                          "report.html --write-model mended.toml"},
-                         {"Estimate the rate of false findings",
-                          "stickslip diagnose run.log --model model.toml --bootstrap 10"},
-                         {"Compare recordings under different loads, and predict one of them",
-                          "stickslip diagnose --campaign campaign.toml --hold-out \"450 g\""}},
-            .files = {recording_files, model_files},
-            .see_also = {"stickslip-evaluate(1)", "stickslip-examine(1)"}});
+  describe(
+      *command,
+      {.examples = {{"Write the report as JSON and HTML, and the augmented model",
+                     "stickslip diagnose run.log --model model.toml --json report.json --html "
+                     "report.html --write-model mended.toml"},
+                    {"Claim only what is almost certain",
+                     "stickslip diagnose run.log --model model.toml --false-alarm-rate 0.0001"},
+                    {"Estimate the rate of false findings",
+                     "stickslip diagnose run.log --model model.toml --bootstrap 10"},
+                    {"Compare recordings under different loads, and predict one of them",
+                     "stickslip diagnose --campaign campaign.toml --hold-out \"450 g\""}},
+       .files = {recording_files, model_files},
+       .see_also = {"stickslip-evaluate(1)", "stickslip-examine(1)"}});
 }
 
 }  // namespace stickslip::commands

@@ -76,5 +76,9 @@ inline void add_horizon(report::Provenance& provenance, const DiagnosisArguments
   if (!(arguments.horizon_s > 0.0)) return;
   provenance.command += " --horizon " + physics::number_text(arguments.horizon_s);
 }
+inline void add_false_alarm_rate(report::Provenance& provenance, double rate) {
+  if (rate == diagnosis::Criteria{}.false_alarm_rate) return;
+  provenance.command += " --false-alarm-rate " + physics::number_text(rate);
+}
 
 }  // namespace stickslip::commands

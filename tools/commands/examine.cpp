@@ -54,6 +54,7 @@ struct Arguments {
   std::string job_list;
   std::vector<std::string> only;
   bool alone = false;
+  double false_alarm_rate = diagnosis::Criteria{}.false_alarm_rate;
   std::uint64_t seed = 1;
   int jobs = 0;
 };
@@ -76,9 +77,10 @@ std::vector<std::string> runs_of(const fs::path& set, const std::string& name,
 }
 
 // Checksum of all inputs of a report; a report of another origin is not reused.
-std::string origin_of(const fs::path& folder, const std::string& model_name, std::uint64_t seed) {
+std::string origin_of(const fs::path& folder, const Arguments& arguments) {
   static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
-  std::string inputs = program + std::to_string(seed);
+  std::string inputs = program + std::to_string(arguments.seed) + " " +
+                       physics::number_text(arguments.false_alarm_rate);
   if (is_campaign(folder)) {
     inputs += content_of(folder / campaign_name);
     for (const fs::path& file : config::files_read_with(folder / campaign_name)) {
@@ -86,7 +88,7 @@ std::string origin_of(const fs::path& folder, const std::string& model_name, std
     }
     return protocol::sha256_of(inputs);
   }
-  inputs += content_of(folder / "recording.csv") + content_of(folder / model_name);
+  inputs += content_of(folder / "recording.csv") + content_of(folder / arguments.model_name);
   if (fs::exists(folder / "validation.csv")) inputs += content_of(folder / "validation.csv");
   return protocol::sha256_of(inputs);
 }
@@ -159,6 +161,7 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   const auto start = std::chrono::steady_clock::now();
   diagnosis::Options options;
   options.seed = arguments.seed;
+  options.criteria.false_alarm_rate = arguments.false_alarm_rate;
   physics::Model model;
   std::vector<std::string> files{"recording.csv"};
   std::string model_name = arguments.model_name;
@@ -238,13 +241,14 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
   std::string lines;
   std::size_t count = 0;
   for (const std::string& name : names) {
-    const std::string origin = origin_of(folders.set / name, arguments.model_name, arguments.seed);
+    const std::string origin = origin_of(folders.set / name, arguments);
     if (stored(folders.report_of(name), origin)) continue;
     lines += "stickslip examine " + quoted(folders.set.string()) + " --only " + quoted(name) +
              " --truth " + quoted(folders.truth.string()) + " --reports " +
              quoted(folders.reports.string()) + " --model-name " + quoted(arguments.model_name) +
-             " --seed " + std::to_string(arguments.seed) + (arguments.alone ? " --alone" : "") +
-             " --jobs 1\n";
+             " --seed " + std::to_string(arguments.seed) + " --false-alarm-rate " +
+             physics::number_text(arguments.false_alarm_rate) +
+             (arguments.alone ? " --alone" : "") + " --jobs 1\n";
     ++count;
   }
   outputs.write(arguments.job_list, Form::plain, lines);
@@ -266,7 +270,7 @@ std::vector<Outcome> examine_all(const Arguments& arguments, const Folders& fold
     const fs::path file = folders.report_of(names[i]);
     bool is_new = false;
     try {
-      const std::string origin = origin_of(folder, arguments.model_name, arguments.seed);
+      const std::string origin = origin_of(folder, arguments);
       if (auto kept = stored(file, origin)) {
         outcomes[i] = std::move(*kept);
       } else {
@@ -371,7 +375,7 @@ void add_examine(CLI::App& app, Action& action) {
       ->type_name("DIR");
   add_output_folder(*command, "--reports", arguments->reports,
                     "Folder for the reports (default: DIR/reports); existing reports of the same "
-                    "recording, model, seed and program are reused");
+                    "recording, model, options and program are reused");
   add_json_file_option(*command, arguments->json);
   command
       ->add_option("--model-name", arguments->model_name,
@@ -384,6 +388,7 @@ void add_examine(CLI::App& app, Action& action) {
              "Slurm array); -: standard output");
   command->add_flag("--alone", arguments->alone,
                     "Diagnose each recording of a campaign by itself, for comparison");
+  add_false_alarm_rate_option(*command, arguments->false_alarm_rate);
   add_seed_option(*command, arguments->seed);
   add_jobs_option(*command, arguments->jobs);
   command->callback([&action, arguments, command] {

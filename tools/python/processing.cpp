@@ -125,6 +125,7 @@ struct DiagnosisOptions {
   std::uint64_t seed = 1;
   int jobs = 0;
   std::optional<double> horizon_s;
+  double false_alarm_rate = diagnosis::Criteria{}.false_alarm_rate;
   std::size_t bootstrap = 0;
   bool html = false;
 };
@@ -135,6 +136,9 @@ report::Provenance provenance_of(const std::vector<SharedRecording>& recordings,
   for (const SharedRecording& each : recordings) files.push_back(each->provenance());
   report::Provenance out = report::provenance_of(files, model.provenance(), options.seed);
   if (options.horizon_s) out.command += " --horizon " + physics::number_text(*options.horizon_s);
+  if (options.false_alarm_rate != diagnosis::Criteria{}.false_alarm_rate) {
+    out.command += " --false-alarm-rate " + physics::number_text(options.false_alarm_rate);
+  }
   if (options.bootstrap > 0) out.command += " --bootstrap " + std::to_string(options.bootstrap);
   return out;
 }
@@ -156,6 +160,7 @@ DiagnosisTexts diagnosed(const std::vector<SharedRecording>& recordings, const M
   options.seed = asked.seed;
   options.threads = parallel::threads_for(asked.jobs);
   options.horizon_s = asked.horizon_s;
+  options.criteria.false_alarm_rate = asked.false_alarm_rate;
   options.evidence = asked.html;
   options.stop = work.stop();
   options.progress = [&work](const std::string& step, double done) { work.report(step, done); };
@@ -178,13 +183,19 @@ DiagnosisTexts diagnosed(const std::vector<SharedRecording>& recordings, const M
 
 py::tuple diagnose(const std::vector<SharedRecording>& recordings, const ModelHolder& model,
                    std::uint64_t seed, int jobs, std::optional<double> horizon_s,
-                   std::size_t bootstrap, bool html, const py::object& progress) {
+                   double false_alarm_rate, std::size_t bootstrap, bool html,
+                   const py::object& progress) {
   check_options(jobs, horizon_s);
+  if (!(false_alarm_rate > 0.0 && false_alarm_rate < 1.0)) {
+    throw py::value_error("false_alarm_rate is " + physics::number_text(false_alarm_rate) +
+                          "; expected a number between 0 and 1, both excluded");
+  }
   if (recordings.empty()) throw py::value_error("no recording; expected one or more of one rig");
   const ModelHolder kept = model;
   DiagnosisTexts out;
   run_interruptibly(progress, [&](Work& work) {
-    out = diagnosed(recordings, kept, {seed, jobs, horizon_s, bootstrap, html}, work);
+    out = diagnosed(recordings, kept, {seed, jobs, horizon_s, false_alarm_rate, bootstrap, html},
+                    work);
   });
   return py::make_tuple(out.json, out.text, out.html, out.model);
 }
@@ -198,7 +209,7 @@ void bind_processing(py::module_& module) {
              "progress"_a);
   module.def("estimate", &estimate, "recording"_a, "model"_a, "progress"_a);
   module.def("diagnose", &diagnose, "recordings"_a, "model"_a, "seed"_a, "jobs"_a, "horizon_s"_a,
-             "bootstrap"_a, "html"_a, "progress"_a);
+             "false_alarm_rate"_a, "bootstrap"_a, "html"_a, "progress"_a);
 }
 
 }  // namespace stickslip::python

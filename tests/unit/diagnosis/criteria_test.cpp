@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 namespace stickslip::diagnosis {
@@ -23,6 +24,16 @@ TEST(Criteria, NameTheValueOutsideItsRange) {
   criteria = {};
   criteria.effort.rough_iterations = 0;
   EXPECT_EQ(invalid(criteria), "effort.rough_iterations is 0; expected 1 or more");
+}
+
+TEST(Criteria, OfAClaimFollowTheRateOfFalseAlarms) {
+  Criteria criteria;
+  EXPECT_DOUBLE_EQ(criteria.claim_level(), 5.0e-4);
+  EXPECT_NEAR(std::exp(criteria.claim_nats()), 2000.0, 1.0e-6);
+  criteria.false_alarm_rate = 1.0e-4;
+  EXPECT_DOUBLE_EQ(criteria.claim_level(), 5.0e-6);
+  criteria.false_alarm_rate = 0.0;
+  EXPECT_EQ(invalid(criteria), "false_alarm_rate is 0; expected 1e-09 to 1");
 }
 
 }  // namespace

@@ -331,7 +331,7 @@ TEST(Diagnosis, WritesThePosterior) {
 
 TEST(Diagnosis, RefusesInvalidCriteria) {
   Options options;
-  options.criteria.claim_z = -1.0;
+  options.criteria.false_alarm_rate = -1.0;
   EXPECT_THROW(diagnose({record(driven_mass(), 24.0)}, driven_mass(), options),
                std::invalid_argument);
 }

@@ -38,6 +38,18 @@ TEST(Gain, OfEveryWindowCountsHoweverUnequal) {
   EXPECT_TRUE(is_gain(before, after, false, {}, 0.0));
 }
 
+// Eight windows of like signs are chance once in 256 times; their net gain without the best one is
+// 7 nats, a likelihood ratio of 1100.
+TEST(Gain, IsBeyondChanceAtTheRateOfFalseAlarms) {
+  const HeldOut before = with_losses({0.2, 0.3, 0.5, 1.0, 1.2, 1.8, 2.0, 9.0});
+  const HeldOut after = nothing_lost(before.loss.size());
+  Criteria criteria;
+  EXPECT_FALSE(is_gain(before, after, true, criteria, 0.0)) << "1 in 2000";
+  criteria.false_alarm_rate = 0.02;
+  EXPECT_TRUE(is_gain(before, after, true, criteria, 0.0)) << "1 in 1000";
+  EXPECT_FALSE(is_gain(before, after, false, criteria, 0.0)) << "the noise is not known";
+}
+
 TEST(Gain, OfFewWindowsIsChance) {
   std::vector<double> gains(20, 0.1);
   for (std::size_t w = 0; w < gains.size(); w += 2) gains[w] = -0.1;

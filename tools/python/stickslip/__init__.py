@@ -89,19 +89,22 @@ def simulate(model, drive, *, seed=1, noise=True, progress=None):
     return _stickslip.simulate(_model(model), _recording(drive), seed, noise, progress)
 
 
-def diagnose(recordings, model, *, seed=1, jobs=0, horizon_s=None, bootstrap=0, html=False, progress=None):
+def diagnose(recordings, model, *, seed=1, jobs=0, horizon_s=None, false_alarm_rate=0.01, bootstrap=0, html=False,
+             progress=None):
     """Where a model fails to explain recordings of one rig, and which physics it lacks, as a Diagnosis.
 
     recordings: one, or a list of several
     jobs: threads; 0: one per core. The result does not depend on it.
     horizon_s: length of a prediction [s]; None: from the model
+    false_alarm_rate: share of recordings without missing physics in which something may be claimed by chance
     bootstrap: number of synthetic recordings without missing physics that are diagnosed, too
     html: also make the page with figures
     """
     if _is_file(recordings) or isinstance(recordings, Recording):
         recordings = [recordings]
     report, text, page, augmented = _stickslip.diagnose(
-        [_recording(each) for each in recordings], _model(model), seed, jobs, horizon_s, bootstrap, html, progress)
+        [_recording(each) for each in recordings], _model(model), seed, jobs, horizon_s, false_alarm_rate,
+        bootstrap, html, progress)
     return Diagnosis(_json.loads(report), text, page, augmented)
 
 

@@ -114,6 +114,7 @@ def diagnose(
     seed: int = ...,
     jobs: int = ...,
     horizon_s: Optional[float] = ...,
+    false_alarm_rate: float = ...,
     bootstrap: int = ...,
     html: bool = ...,
     progress: _Progress = ...,
