@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <numeric>
 #include <random>
 
@@ -143,8 +144,10 @@ double gain_z(const HeldOut& before, const HeldOut& after) {
   return t > 0.0 ? z : -z;
 }
 
+double normal_chance(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
+
 double gain_chance(const HeldOut& before, const HeldOut& after) {
-  return 0.5 * std::erfc(gain_z(before, after) / std::sqrt(2.0));
+  return normal_chance(gain_z(before, after));
 }
 
 double sign_chance(const HeldOut& before, const HeldOut& after) {

@@ -28,10 +28,6 @@ double formula_uncertainty(const CandidateEffect& candidate) {
   return largest;
 }
 
-// Of a decrease of chi-squared at least as large that an effect makes by one more parameter, in one
-// direction.
-double chance_of(double decrease) { return 0.5 * std::erfc(std::sqrt(0.5 * decrease)); }
-
 }  // namespace
 
 void Search::run(const physics::Model& model) {
@@ -158,7 +154,7 @@ bool Search::listed_effect_remains() const {
   const double least = least_gain();
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
     return tier_of(limit.candidate) == Tier::listed && limit.gain > least &&
-           chance_of(limit.gain * found.samples) < data_.criteria.claim_level();
+           normal_chance(std::sqrt(limit.gain * found.samples)) < data_.criteria.claim_level();
   });
 }
 

@@ -699,9 +699,12 @@ bool Rig::is_transition(double slip, double next, double transition_speed) const
 template <class T>
 void Rig::halving_step(RigState<T>& state, const Input& begin, const Input& end, double time_s,
                        double h, const RigNumbers<T>& n, int halvings) const {
+  if (halvings == 0 || !structure_.friction) {
+    undivided_step(state, begin, end, time_s, h, n);
+    return;
+  }
   const RigState<T> start = state;
   undivided_step(state, begin, end, time_s, h, n);
-  if (halvings == 0 || !structure_.friction) return;
   if (!is_transition(value_of(start.slip), value_of(state.slip), value_of(n.c.transition_speed))) {
     return;
   }

@@ -31,4 +31,9 @@ Provenance provenance_of(const std::vector<Provenance::File>& recordings,
                          const Provenance::File& model, std::uint64_t seed,
                          const std::string& command = "diagnose");
 
+/// Appends these options to the command, as numbers that read back the same, where they are not the
+/// defaults.
+void add_horizon(Provenance& provenance, std::optional<double> horizon_s);
+void add_false_alarm_rate(Provenance& provenance, double rate);
+
 }  // namespace stickslip::report

@@ -36,10 +36,10 @@ inline CLI::Validator positive_number() {
 inline CLI::Validator not_negative_number() {
   return number_that([](double v) { return v >= 0.0; }, "a finite number, 0 or more");
 }
-/// A probability that is neither 0 nor 1.
+/// A probability below 1, and no smaller than a diagnosis accepts (diagnosis::invalid).
 inline CLI::Validator probability() {
-  return number_that([](double v) { return v > 0.0 && v < 1.0; },
-                     "a number between 0 and 1, both excluded");
+  return number_that([](double v) { return v >= 1.0e-9 && v < 1.0; },
+                     "a number from 1e-9 to below 1");
 }
 /// One of these names; a misspelt one is answered with the one that was meant.
 inline CLI::Validator one_of(const std::vector<std::string>& names) {

@@ -128,8 +128,8 @@ report::Provenance provenance_of(const Arguments& arguments, const Work& work) {
     out.candidates = checked_file(arguments.candidates);
     out.command += " --candidates " + out.candidates->name;
   }
-  add_horizon(out, arguments);
-  add_false_alarm_rate(out, arguments.false_alarm_rate);
+  report::add_horizon(out, horizon_of(arguments));
+  report::add_false_alarm_rate(out, arguments.false_alarm_rate);
   if (arguments.bootstrap > 0) {
     out.command += " --bootstrap " + std::to_string(arguments.bootstrap);
   }

@@ -4,13 +4,13 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/report/provenance.h"
-#include "physics/number_text.h"
 #include "tools/command_line/file_options.h"
 #include "tools/command_line/recording_import.h"
 #include "tools/command_line/shared_options.h"
@@ -56,29 +56,25 @@ std::vector<protocol::Recording> recordings_from(const std::vector<Path>& paths,
   return out;
 }
 
+/// None: the default.
+inline std::optional<double> horizon_of(const DiagnosisArguments& arguments) {
+  if (arguments.horizon_s > 0.0) return arguments.horizon_s;
+  return std::nullopt;
+}
+
 /// `progress` shows the steps for as long as the options are used.
 inline diagnosis::Options options_of(const DiagnosisArguments& arguments,
                                      terminal::Progress& progress) {
   diagnosis::Options out;
   out.seed = arguments.seed;
   out.threads = parallel::threads_for(arguments.jobs);
-  if (arguments.horizon_s > 0.0) out.horizon_s = arguments.horizon_s;
+  out.horizon_s = horizon_of(arguments);
   out.evidence = !arguments.html.empty();
   out.progress = [&progress](const std::string& what, double done) {
     progress.set_label(what);
     progress.at(done);
   };
   return out;
-}
-
-/// Appends what changes the result.
-inline void add_horizon(report::Provenance& provenance, const DiagnosisArguments& arguments) {
-  if (!(arguments.horizon_s > 0.0)) return;
-  provenance.command += " --horizon " + physics::number_text(arguments.horizon_s);
-}
-inline void add_false_alarm_rate(report::Provenance& provenance, double rate) {
-  if (rate == diagnosis::Criteria{}.false_alarm_rate) return;
-  provenance.command += " --false-alarm-rate " + physics::number_text(rate);
 }
 
 }  // namespace stickslip::commands

@@ -80,7 +80,7 @@ std::vector<std::string> runs_of(const fs::path& set, const std::string& name,
 std::string origin_of(const fs::path& folder, const Arguments& arguments) {
   static const std::string program = protocol::sha256_of(content_of("/proc/self/exe"));
   std::string inputs = program + std::to_string(arguments.seed) + " " +
-                       physics::number_text(arguments.false_alarm_rate);
+                       physics::shortest_text(arguments.false_alarm_rate);
   if (is_campaign(folder)) {
     inputs += content_of(folder / campaign_name);
     for (const fs::path& file : config::files_read_with(folder / campaign_name)) {
@@ -199,8 +199,10 @@ Outcome examine(const fs::path& folder, const fs::path& file, const std::string&
   };
   std::vector<report::Provenance::File> sources;
   for (const std::string& each : files) sources.push_back(checked(each));
-  kept["report"] = report::report_json(
-      found, report::provenance_of(sources, checked(model_name), arguments.seed));
+  report::Provenance provenance =
+      report::provenance_of(sources, checked(model_name), arguments.seed);
+  report::add_false_alarm_rate(provenance, arguments.false_alarm_rate);
+  kept["report"] = report::report_json(found, provenance);
   outputs.write(fs::path(file).replace_extension(".toml"), Form::toml,
                 config::model_text(found.model));
   outputs.write(file, Form::json, protocol::json_text(kept) + "\n");
@@ -247,7 +249,7 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
              " --truth " + quoted(folders.truth.string()) + " --reports " +
              quoted(folders.reports.string()) + " --model-name " + quoted(arguments.model_name) +
              " --seed " + std::to_string(arguments.seed) + " --false-alarm-rate " +
-             physics::number_text(arguments.false_alarm_rate) +
+             physics::shortest_text(arguments.false_alarm_rate) +
              (arguments.alone ? " --alone" : "") + " --jobs 1\n";
     ++count;
   }

@@ -34,7 +34,7 @@ report::Provenance provenance_of(const Arguments& arguments) {
   for (const std::string& path : arguments.recordings) recordings.push_back(checked_file(path));
   report::Provenance out =
       report::provenance_of(recordings, checked_file(arguments.model), arguments.seed, "laws");
-  add_horizon(out, arguments);
+  report::add_horizon(out, horizon_of(arguments));
   return out;
 }
 

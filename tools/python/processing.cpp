@@ -135,10 +135,8 @@ report::Provenance provenance_of(const std::vector<SharedRecording>& recordings,
   std::vector<report::Provenance::File> files;
   for (const SharedRecording& each : recordings) files.push_back(each->provenance());
   report::Provenance out = report::provenance_of(files, model.provenance(), options.seed);
-  if (options.horizon_s) out.command += " --horizon " + physics::number_text(*options.horizon_s);
-  if (options.false_alarm_rate != diagnosis::Criteria{}.false_alarm_rate) {
-    out.command += " --false-alarm-rate " + physics::number_text(options.false_alarm_rate);
-  }
+  report::add_horizon(out, options.horizon_s);
+  report::add_false_alarm_rate(out, options.false_alarm_rate);
   if (options.bootstrap > 0) out.command += " --bootstrap " + std::to_string(options.bootstrap);
   return out;
 }
@@ -186,9 +184,9 @@ py::tuple diagnose(const std::vector<SharedRecording>& recordings, const ModelHo
                    double false_alarm_rate, std::size_t bootstrap, bool html,
                    const py::object& progress) {
   check_options(jobs, horizon_s);
-  if (!(false_alarm_rate > 0.0 && false_alarm_rate < 1.0)) {
+  if (!(false_alarm_rate >= 1.0e-9 && false_alarm_rate < 1.0)) {
     throw py::value_error("false_alarm_rate is " + physics::number_text(false_alarm_rate) +
-                          "; expected a number between 0 and 1, both excluded");
+                          "; expected a number from 1e-9 to below 1");
   }
   if (recordings.empty()) throw py::value_error("no recording; expected one or more of one rig");
   const ModelHolder kept = model;

@@ -50,6 +50,13 @@ TEST(NumberOfThreads, Permits0ForAllCores) {
   EXPECT_NE(error(number_of_threads(), "1025"), "");
 }
 
+// Less is refused by the diagnosis, whose own errors are no messages for a user.
+TEST(Probability, IsNeitherOneNorTooSmall) {
+  EXPECT_EQ(error(probability(), "0.01"), "");
+  EXPECT_EQ(error(probability(), "1e-12"), "expected a number from 1e-9 to below 1, found 1e-12");
+  EXPECT_NE(error(probability(), "1"), "");
+}
+
 TEST(SeedNumber, IsExactAsADouble) {
   EXPECT_EQ(error(seed_number(), "9007199254740992"), "");
   EXPECT_NE(error(seed_number(), "-1"), "");

@@ -79,6 +79,16 @@ Provenance provenance() {
           .files = {{"run.csv", "ab12"}, {"rig.toml", "cd34"}}};
 }
 
+TEST(Report, CommandRepeatsOptionsExactlyWhereTheyAreNotTheDefaults) {
+  Provenance out;
+  add_horizon(out, std::nullopt);
+  add_false_alarm_rate(out, diagnosis::Criteria{}.false_alarm_rate);
+  EXPECT_EQ(out.command, "");
+  add_horizon(out, 0.45678);
+  add_false_alarm_rate(out, 0.0123456);
+  EXPECT_EQ(out.command, " --horizon 0.45678 --false-alarm-rate 0.0123456");
+}
+
 TEST(ReportJson, ConsistentRecordingHasOnlyTheFit) {
   const auto json = report_json(consistent(), provenance());
   EXPECT_EQ(json["schema"], 1);
