@@ -395,6 +395,19 @@ void read_contact(const Model& model, bool resonant, ParameterReader<T>& paramet
   }
 }
 
+// The term of third order of a free oscillation in a step of `h`, whose derivatives are `moving`
+// and `accelerating`. A step of second order alone raises the frequency by (omega h)^2 / 6: that of
+// a load cell by 0.03 %, which shows in half a minute of readings.
+template <class T>
+void add_third_order(T& position, T& velocity, const T& moving, const T& accelerating,
+                     const T& stiffness_per_mass, const T& damping_per_mass, double h) {
+  const T jerk = -(stiffness_per_mass * moving + damping_per_mass * accelerating);
+  const T snap = -(stiffness_per_mass * accelerating + damping_per_mass * jerk);
+  const double share = h * h * h / 6.0;
+  position += share * jerk;
+  velocity += share * snap;
+}
+
 }  // namespace
 
 std::vector<BoundTerm> bound_terms(const Model& model) {
@@ -679,6 +692,11 @@ void Rig::undivided_step(RigState<T>& state, const Input& begin, const Input& en
   for (std::size_t i = 0; i < count; ++i) {
     state.s[i] =
         start[i] + h * (delta_ars * e1[i] + (1.0 - delta_ars) * e2[i] + (1.0 - gamma_ars) * i2[i]);
+  }
+  if (structure_.resonant) {
+    add_third_order(state.s[state::y], state.s[state::u], e2[state::y], e2[state::u] + i2[state::u],
+                    n.c.cell_stiffness * n.inverse_cell_mass,
+                    n.c.cell_damping * n.inverse_cell_mass, h);
   }
   close_contact(state, alpha, end, time_s + h, n);
   for (std::size_t i = 0; i < terms_.size(); ++i) {

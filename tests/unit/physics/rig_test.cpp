@@ -174,6 +174,31 @@ TEST(Rig, LongStepsResolveTheReversalsOfFriction) {
   EXPECT_LT(largest_error_of_theta(2.5e-4), 0.001);
 }
 
+TEST(Rig, TheLongestStepKeepsTheFrequencyOfALoadCell) {
+  Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.natural_frequency_hz = Parameter{2.4};
+  model.oscillator.damping_ratio = Parameter{0.015};
+  model.friction.law = FrictionLaw::coulomb;
+  model.friction.mu = {1.0e-12};
+  model.load_cell = LoadCell{{0.0126}, {19.3}, {0.016}, LoadCellDynamics::resonant};
+  const Rig rig(model);
+  const auto n = rig.numbers<double>(rig.parameter_values());
+  const double h = rig.longest_step_s();
+  const double decay = 0.016 * 2.0 * std::numbers::pi * 19.3;
+  const double omega = 2.0 * std::numbers::pi * 19.3 * std::sqrt(1.0 - 0.016 * 0.016);
+  RigState<double> state;
+  state.s[state::y] = 1.0e-3;
+  state.s[state::u] = -decay * 1.0e-3;
+  double largest = 0.0;
+  for (int k = 1; k * h < 1.0; ++k) {
+    rig.step(state, {}, {}, (k - 1) * h, h, n);
+    const double exact = 1.0e-3 * std::exp(-decay * k * h) * std::cos(omega * k * h);
+    largest = std::max(largest, std::abs(state.s[state::y] - exact));
+  }
+  EXPECT_LT(largest, 1.0e-6);
+}
+
 TEST(Rig, StepErrorFallsWithTheSquareOfTheStepInSmoothMotion) {
   Model model = coulomb_decay_model();
   model.friction = {};
