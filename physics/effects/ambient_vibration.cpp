@@ -9,6 +9,17 @@
 namespace stickslip::physics {
 namespace {
 
+// Share of the second harmonic in the amplitude: machines shake with harmonics.
+constexpr ParameterCard second_harmonic(std::string_view name, std::string_view meaning) {
+  return {.name = name,
+          .unit = "1",
+          .meaning = meaning,
+          .low = -1.0,
+          .high = 1.0,
+          .fixed_default = 0.0,
+          .estimated = true};
+}
+
 constexpr std::array parameters = {
     ParameterCard{.name = "frequency_hz",
                   .unit = "Hz",
@@ -31,9 +42,11 @@ constexpr std::array parameters = {
                   .low = -6.3,
                   .high = 6.3,
                   .positive = false,
-                  .fixed_default = std::nullopt}};
+                  .fixed_default = std::nullopt},
+    second_harmonic("second_sin", "second harmonic in phase, relative to the amplitude"),
+    second_harmonic("second_cos", "second harmonic in quadrature, relative to the amplitude")};
 constexpr std::array<std::string_view, 2> rivals = {"second_mode", "mains_hum"};
-constexpr std::array example = {7.0, 0.02, 0.0};
+constexpr std::array example = {7.0, 0.02, 0.0, 0.0, 0.0};
 constexpr Card entry = {
     .id = "ambient_vibration",
     .relation = Relation::force_balance,
@@ -41,7 +54,9 @@ constexpr Card entry = {
     .sentence =
         "A periodic force that no sensor measures acts on the mass, as from a machine nearby or "
         "the floor.",
-    .equation = "amplitude_n sin(2 pi frequency_hz t + phase_rad) on the mass",
+    .equation =
+        "amplitude_n (sin(p) + second_sin sin(2 p) + second_cos cos(2 p)) on the mass, with "
+        "p = 2 pi frequency_hz t + phase_rad",
     .parameters = parameters,
     .experiment = "a run with the shaker off: any remaining motion is ambient",
     .rivals = rivals,
@@ -67,15 +82,20 @@ class AmbientVibration final : public EffectOf<AmbientVibration> {
     return starts;
   }
   std::string statement(std::span<const double> p) const override {
-    return "A force of " + number_text(p[1]) + " N at " + number_text(p[0]) +
-           " Hz that no sensor measures acts on the mass.";
+    const double second = std::hypot(p[3], p[4]);
+    return "A force of " + number_text(p[1]) + " N at " + number_text(p[0]) + " Hz" +
+           (second > 0.02 ? ", with a second harmonic of " + number_text(100.0 * second) + " %,"
+                          : "") +
+           " that no sensor measures acts on the mass.";
   }
 
   unsigned hooks() const override { return hook::force; }
   template <class T>
   T force_of(const OperatingPoint<T>& at, const T* p, const T* /*s*/) const {
+    using std::cos;
     using std::sin;
-    return -(p[1] * sin(p[0] * (2.0 * std::numbers::pi * at.time_s) + p[2]));
+    const T phase = p[0] * (2.0 * std::numbers::pi * at.time_s) + p[2];
+    return -(p[1] * (sin(phase) + p[3] * sin(phase * 2.0) + p[4] * cos(phase * 2.0)));
   }
 };
 
