@@ -8,7 +8,6 @@
 #include <cmath>
 #include <optional>
 
-#include "diagnosis/median.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/window_problem.h"
 #include "diagnosis/window_simulation.h"
@@ -23,13 +22,12 @@ constexpr double first_damping = 1.0e-3;
 constexpr double min_damping = 1.0e-9;
 constexpr double ridge_damping = 1.0e-3;  // factor of the damping where it alone ends a descent
 constexpr int damping_attempts = 8;
-// Ratio of mean squares above which a window is started elsewhere: to that of the median window, or
-// of the window before it.
-constexpr double outlying_ratio = 3.0;
+// Largest ratio of mean squares up to which a window is not started elsewhere.
+constexpr double most_ratio = 3.0;
 // Share of the windows up to which those that do not follow their linearisation are few.
 constexpr double few_windows = 0.15;
-// Cost ratio below which another start of a window is kept.
-constexpr double better_start_ratio = 0.8;
+// Decrease of a window's cost from which another start of it is kept: ten nats, in another minimum.
+constexpr double better_start_gain = 20.0;
 
 // Largest change of a window's cost that still follows the predicted one: half a nat, and half of
 // the prediction, beyond it.
@@ -96,25 +94,42 @@ bool improved_from(const WindowProblem& problem, std::size_t w, const WindowStat
   WindowState candidate = start;
   NormalBlock trial = fit_window_state(problem, w, candidate, brief);
   if (trial.cost() < block.cost()) trial = fit_window_state(problem, w, candidate, full);
-  if (trial.cost() >= better_start_ratio * block.cost()) return false;
+  if (trial.cost() >= block.cost() - better_start_gain) return false;
   block = trial;
   state = candidate;
   return true;
 }
 
-// A window that fits much worse than most may have started on the wrong side of a slip, in a local
+// Mean squares of the windows of a fit, and the ratio of two of them beyond their spread.
+struct Spread {
+  double typical = 0.0;
+  double outlying_ratio = most_ratio;
+};
+
+// A few windows that fit a little worse than all others already move the parameters far. Beyond
+// the spread: above Tukey's inner fence, of logarithms.
+Spread spread_of(const std::vector<NormalBlock>& blocks) {
+  std::vector<double> logs;
+  logs.reserve(blocks.size());
+  for (const NormalBlock& block : blocks) {
+    logs.push_back(std::log(std::max(block.mean_square(), 1.0e-300)));
+  }
+  std::sort(logs.begin(), logs.end());
+  const double middle = logs[logs.size() / 2];
+  const double low = logs[logs.size() / 4];
+  const double high = logs[3 * logs.size() / 4];
+  const double fence = high + 1.5 * (high - low) - middle;
+  return {std::exp(middle), std::min(std::exp(fence), most_ratio)};
+}
+
+// A window that fits worse than most may have started on the wrong side of a slip, in a local
 // minimum. It is fitted again from other values of the states that no channel shows. Returns true
 // if any window improved.
-bool retry_outliers(const WindowProblem& problem, int threads, std::vector<WindowState>& states,
-                    std::vector<NormalBlock>& blocks) {
-  if (blocks.empty()) return false;
-  std::vector<double> mean_squares;
-  mean_squares.reserve(blocks.size());
-  for (const NormalBlock& block : blocks) mean_squares.push_back(block.mean_square());
-  const double typical = median(std::move(mean_squares));
+bool retry_outliers(const WindowProblem& problem, int threads, const Spread& spread,
+                    std::vector<WindowState>& states, std::vector<NormalBlock>& blocks) {
   std::atomic<bool> any{false};
   for_each(blocks.size(), threads, [&](std::size_t w) {
-    if (blocks[w].mean_square() <= outlying_ratio * typical) return;
+    if (blocks[w].mean_square() <= spread.outlying_ratio * spread.typical) return;
     for (const WindowState& start : problem.alternative_starts(w)) {
       if (improved_from(problem, w, start, states[w], blocks[w])) any = true;
     }
@@ -122,17 +137,18 @@ bool retry_outliers(const WindowProblem& problem, int threads, std::vector<Windo
   return any;
 }
 
-// A window that fits much worse than the one before it is fitted again from the end of that one,
-// which has found the hidden states. Good states propagate by one window per round.
-bool propagate_states(const WindowProblem& problem, int threads, std::vector<WindowState>& states,
-                      std::vector<NormalBlock>& blocks) {
+// A window that fits worse than the one before it is fitted again from the end of that one, which
+// has found the hidden states. Good states propagate by one window per round.
+bool propagate_states(const WindowProblem& problem, int threads, const Spread& spread,
+                      std::vector<WindowState>& states, std::vector<NormalBlock>& blocks) {
   constexpr int rounds = 4;
   bool any = false;
   for (int round = 0; round < rounds; ++round) {
     std::vector<std::optional<WindowState>> start(blocks.size());
     for_each(blocks.size(), threads, [&](std::size_t w) {
       if (w == 0 || !problem.follows_on(w)) return;
-      if (blocks[w].mean_square() <= outlying_ratio * blocks[w - 1].mean_square()) return;
+      const double before = blocks[w - 1].mean_square();
+      if (blocks[w].mean_square() <= spread.outlying_ratio * before) return;
       start[w] = problem.propagated(w, states[w - 1]);
     });
     std::atomic<bool> better{false};
@@ -147,8 +163,10 @@ bool propagate_states(const WindowProblem& problem, int threads, std::vector<Win
 
 bool restart_windows(const WindowProblem& problem, int threads, std::vector<WindowState>& states,
                      std::vector<NormalBlock>& blocks) {
-  const bool outliers = retry_outliers(problem, threads, states, blocks);
-  return propagate_states(problem, threads, states, blocks) || outliers;
+  if (blocks.empty()) return false;
+  const Spread spread = spread_of(blocks);
+  const bool outliers = retry_outliers(problem, threads, spread, states, blocks);
+  return propagate_states(problem, threads, spread, states, blocks) || outliers;
 }
 
 double state_cost_of(const NormalBlock& block, std::size_t states) {
