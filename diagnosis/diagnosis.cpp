@@ -241,16 +241,17 @@ void set_noise(const Experiment& first, const Task& judged, Diagnosis& out) {
     if (!(first.noise_std[c] > 0.0)) continue;
     out.noise_std.emplace_back(channel, first.noise_std[c]);
     Noise noise{channel, first.noise_std[c]};
-    if (first.noise_above_declared[c] > 1.0) {
-      out.noise_level.emplace_back(channel, first.noise_above_declared[c]);
+    if (c < predicted_channels && first.is_compared(c) && !judged.colour[c].is_white()) {
+      noise.std = judged.sigma_of(first, c);
+      noise.correlation_s = judged.colour[c].correlation_s;
+    }
+    const double level = first.noise_above_declared[c] * noise.std / first.noise_std[c];
+    if (first.noise_above_declared[c] > 1.0 || (first.noise_declared[c] && level != 1.0)) {
+      out.noise_level.emplace_back(channel, level);
       noise.source = Noise::Source::contradicted;
     } else if (!first.noise_declared[c]) {
       out.noise_estimated.push_back(channel);
       noise.source = Noise::Source::estimated;
-    }
-    if (first.is_compared(c) && c < predicted_channels && !judged.colour[c].is_white()) {
-      noise.std = judged.sigma[c];
-      noise.correlation_s = judged.colour[c].correlation_s;
     }
     out.noise.push_back(noise);
   }

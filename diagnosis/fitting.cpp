@@ -162,29 +162,38 @@ Hypothesis unrefined(const Hypothesis& declared, const FittedCandidate& each) {
   return out;
 }
 
-// Noise is coloured if that is what the fit leaves, white again once it is taken into account, and
-// if it predicts better where nothing was fitted. Of a fit that leaves physics it is not.
-void colour_noise(SearchData& data, const FittedCandidate& each) {
-  const NoiseEstimate found =
-      noise_in_residuals(data.train, *each.hypothesis, each.fitted, data.criteria);
-  if (found.colour == NoiseColours{}) return;
-  Task held_out = data.held_out;
-  held_out.colour = found.colour;
-  held_out.sigma = found.sigma;
+// True if `held_out` has noise that predicts better than the present one where nothing was fitted.
+// A declared level is contradicted by nothing less than noise of just the found colour and level.
+bool is_better_noise(const SearchData& data, const FittedCandidate& each, const Task& held_out,
+                     bool contradicts_declaration) {
   const bool is_estimated = !noise_is_declared(data.experiments);
-  if (!noise_check(held_out, *each.hypothesis, each.fitted.z, is_estimated, data.criteria)
-           .is_noise) {
-    return;
+  const NoiseCheck check =
+      noise_check(held_out, *each.hypothesis, each.fitted.z, is_estimated, data.criteria);
+  if (!(contradicts_declaration ? check.is_expected_noise : check.is_noise)) return false;
+  return noise_loss(data.held_out, *each.hypothesis, each.fitted.z) -
+             noise_loss(held_out, *each.hypothesis, each.fitted.z) >=
+         data.criteria.claim_nats();
+}
+
+// Noise is coloured if that is what the fit leaves, white again once it is taken into account, and
+// if it predicts better. Of a fit that leaves physics it is not.
+void colour_noise(SearchData& data, const FittedCandidate& each) {
+  for (const bool keeps_declared : {false, true}) {
+    const NoiseEstimate found = noise_in_residuals(data.train, *each.hypothesis, each.fitted,
+                                                   keeps_declared, data.criteria);
+    if (found.colour == NoiseColours{}) return;
+    Task held_out = data.held_out;
+    held_out.colour = found.colour;
+    held_out.sigma = found.sigma;
+    if (is_better_noise(data, each, held_out, found.contradicts_declaration)) {
+      data.held_out = std::move(held_out);
+      data.train.colour = found.colour;
+      data.train.sigma = found.sigma;
+      data.noise_is_known = true;
+      return;
+    }
+    if (!found.contradicts_declaration) return;
   }
-  if (noise_loss(data.held_out, *each.hypothesis, each.fitted.z) -
-          noise_loss(held_out, *each.hypothesis, each.fitted.z) <
-      data.criteria.claim_nats()) {
-    return;
-  }
-  data.held_out = std::move(held_out);
-  data.train.colour = found.colour;
-  data.train.sigma = found.sigma;
-  data.noise_is_known = true;
 }
 
 }  // namespace

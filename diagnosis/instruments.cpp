@@ -13,29 +13,12 @@ namespace {
 constexpr double gain_sigma = 0.005;
 constexpr double offset_share = 0.01;  // of the channel's standard deviation
 constexpr double delay_samples = 0.3;  // of a multiplexed converter
-constexpr double cutoff_share = 0.02;  // below its cut-off a low-pass is a delay
-
-// Standard deviation of the delay that its filters add to a channel [s]. Those of the drive are
-// calibrated instead, with more than their delay.
-double filter_delay_sigma_s(const std::vector<physics::Filter>& filters) {
-  double square = 0.0;
-  for (const physics::Filter& filter : filters) {
-    if (filter.cutoff_hz.sigma > 0.0) continue;  // declared: a parameter of its own
-    const double lag_s = physics::FilterChain({&filter, 1}, 1.0e-3).lag_s();
-    square += std::pow(cutoff_share * lag_s, 2);
-  }
-  return std::sqrt(square);
-}
+constexpr double cutoff_share = 0.02;
 
 // Delays count from the channel of the drive: a delay of all channels is none, and would be a
 // direction in which nothing holds a fit.
-double delay_sigma_s(const physics::Model& model, const Experiment& e, Channel channel) {
-  const auto of_filters = [&](Channel each) {
-    return filter_delay_sigma_s(model.sensors[index_of(each)].filters);
-  };
-  const double converter_s = std::numbers::sqrt2 * delay_samples * e.period_s;
-  const double before_s = channel == Channel::velocity ? of_filters(Channel::displacement) : 0.0;
-  return std::hypot(converter_s, of_filters(channel), before_s);
+double delay_sigma_s(const Experiment& e) {
+  return std::numbers::sqrt2 * delay_samples * e.period_s;
 }
 
 bool is_recorded(const Experiment& e, Channel channel) {
@@ -62,20 +45,22 @@ bool matters(const physics::Model& model, const Experiment& e, Channel channel) 
 
 physics::Model with_instruments(physics::Model model, const Experiment& e) {
   const Channel drive = drive_channel(model.oscillator.excitation);
-  for (physics::Filter& filter : model.sensors[index_of(drive)].filters) {
-    physics::Parameter& cutoff_hz = filter.cutoff_hz;
-    if (!(cutoff_hz.sigma > 0.0)) cutoff_hz.sigma = cutoff_share * cutoff_hz.value;
-  }
   for (const Channel channel : all_channels) {
-    if (!matters(model, e, channel)) continue;
+    const bool is_compared_or_acts = matters(model, e, channel);
+    if (!is_compared_or_acts && channel != drive) continue;
     physics::Sensor& sensor = model.sensors[index_of(channel)];
+    for (physics::Filter& filter : sensor.filters) {
+      physics::Parameter& cutoff_hz = filter.cutoff_hz;
+      if (!(cutoff_hz.sigma > 0.0)) cutoff_hz.sigma = cutoff_share * cutoff_hz.value;
+    }
+    if (!is_compared_or_acts) continue;
     if (!sensor.gain) sensor.gain = {1.0, gain_sigma};
     // The zero of a base does not move its acceleration.
     if (!sensor.offset && channel != Channel::base_displacement) {
       sensor.offset = {0.0, offset_share * e.channel_std[index_of(channel)]};
     }
     if (!sensor.delay_s && index_of(channel) < predicted_channels) {
-      sensor.delay_s = {0.0, delay_sigma_s(model, e, channel)};
+      sensor.delay_s = {0.0, delay_sigma_s(e)};
     }
   }
   return model;

@@ -111,15 +111,19 @@ NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span
   const double chance = std::max(level.error, std::sqrt(2.0 / all_freedom));
   const bool is_expected = std::abs(off) <= certain * chance + of_level;
   const bool is_above = off > 0.0 && !is_expected;
-  if (is_above && !is_alike(level, all_freedom / windows)) return {};
+  const bool alike = is_alike(level, all_freedom / windows);
+  if (is_above && !alike) return {};
   const ByChannel residuals = channel_residuals(task, hypothesis, z, fitted);
   NoiseCheck out;
+  out.is_expected_noise = is_expected && alike;
   for (const Channel channel : all_channels) {
     if (index_of(channel) >= predicted_channels) continue;
     const ChannelResiduals& each = residuals[index_of(channel)];
     if (each.square.empty()) continue;
     const OverWindows correlation = over_windows(each.correlation);
-    if (is_above && correlation.mean > certain * correlation.error) return {};
+    const bool is_white = correlation.mean <= certain * correlation.error;
+    if (is_above && !is_white) return {};
+    out.is_expected_noise = out.is_expected_noise && is_white;
     const OverWindows square = over_windows(each.square);
     const bool differs =
         !is_expected && std::abs(square.mean - 1.0) > certain * square.error + of_level;

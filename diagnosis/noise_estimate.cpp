@@ -114,7 +114,7 @@ std::array<ChannelResiduals, predicted_channels> residuals_by_channel(const Task
 }  // namespace
 
 NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
-                                 const Criteria& criteria) {
+                                 bool keeps_declared, const Criteria& criteria) {
   NoiseEstimate out{{}, task.sigma};
   if (task.windows.empty()) return out;
   const Experiment& e = task.experiment(0);
@@ -123,15 +123,25 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
   const double shortest_s = shortest_correlation_periods * e.period_s;
   const double longest_s = std::max(longest_correlation_share * length_s, 2.0 * shortest_s);
   const auto residuals = residuals_by_channel(task, hypothesis, fitted);
+  std::array<char, predicted_channels> contradicts{};
   parallel::for_each(predicted_channels, task.threads, [&](std::size_t c) {
     if (residuals[c].count < 100) return;
-    const bool is_declared = e.noise_declared[c];
-    const Found found = most_probable(residuals[c], shortest_s, longest_s, is_declared);
-    const double white = likelihood_of(residuals[c], {}, is_declared).nats;
-    if (white - found.likelihood.nats < criteria.claim_nats()) return;
+    const double least = criteria.claim_nats();
+    bool is_known = e.noise_declared[c];
+    Found found = most_probable(residuals[c], shortest_s, longest_s, is_known);
+    if (is_known && !keeps_declared) {
+      const Found freed = most_probable(residuals[c], shortest_s, longest_s, false);
+      is_known = found.likelihood.nats - freed.likelihood.nats < least;
+      if (!is_known) found = freed;
+    }
+    const double white = likelihood_of(residuals[c], {}, is_known).nats;
+    if (white - found.likelihood.nats < least) return;
     out.colour[c] = found.colour;
     out.sigma[c] *= std::sqrt(found.likelihood.variance);
+    contradicts[c] = e.noise_declared[c] && !is_known;
   });
+  out.contradicts_declaration =
+      std::any_of(contradicts.begin(), contradicts.end(), [](char each) { return each != 0; });
   return out;
 }
 

@@ -13,12 +13,14 @@ namespace stickslip::diagnosis {
 struct NoiseEstimate {
   NoiseColours colour;
   std::array<double, predicted_channels> sigma{};  ///< as Task::sigma
+  bool contradicts_declaration = false;            ///< of the level of any channel
 };
 
 /// The most probable noise of residuals in the windows of `task` around its present level. A
 /// channel is coloured where that gains more than Criteria::claim_nats over white noise. The level
-/// is estimated, too, in channels without declared noise.
+/// is estimated, too, in channels without declared noise, and, unless `keeps_declared`, where the
+/// residuals contradict the declared one by as much.
 NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
-                                 const Criteria& criteria);
+                                 bool keeps_declared, const Criteria& criteria);
 
 }  // namespace stickslip::diagnosis

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <complex>
 #include <numbers>
 
@@ -59,6 +60,19 @@ TEST(Instruments, AreNoFindingWithinTheirUncertainty) {
   const Diagnosis got = diagnosed(truth);
   EXPECT_EQ(name_of(got.verdict), "consistent") << report_text(got);
   EXPECT_NEAR(got.baseline.chi2_per_sample, 1.0, 0.1);
+}
+
+// Of what a channel adds to the declared noise, most is too slow to be seen before a fit.
+TEST(Instruments, NoiseIsAllowedToBeSlowAndMoreThanDeclared) {
+  const auto truth = driven_mass();
+  protocol::Recording recording = record(truth, 24.0);
+  test::add_slow_error(recording, 4.0e-5, 5);
+  Options options;
+  options.threads = 2;
+  const Diagnosis got = diagnose({recording}, truth, options);
+  EXPECT_EQ(name_of(got.verdict), "consistent") << report_text(got);
+  ASSERT_EQ(got.noise_level.size(), 1U) << report_text(got);
+  EXPECT_NEAR(got.noise_level[0].second, std::hypot(2.0e-5, 4.0e-5) / 2.0e-5, 0.2);
 }
 
 // The model that calls the same zero exact is contradicted.
