@@ -199,6 +199,24 @@ TEST(Rig, TheLongestStepKeepsTheFrequencyOfALoadCell) {
   EXPECT_LT(largest, 1.0e-6);
 }
 
+TEST(Rig, ASwingFromWellToWellIsFollowedToThirdOrder) {
+  Model model;
+  model.oscillator.mass_kg = {0.06};
+  model.oscillator.damping_n_s_m = Parameter{0.0};
+  model.oscillator.stiffness_n_m = Parameter{0.0};
+  model.oscillator.two_well = TwoWell{{20.0}, {2.0e5}};
+  const Rig rig(model);
+  const auto after = [&](double h) {
+    Trajectory run{rig, {}, 0.0};
+    run.state.s[state::x] = 0.03;
+    run.advance_to(0.4, h, [](double) { return 0.0; });
+    return run.state.s[state::x];
+  };
+  const double exact = after(1.0e-5);
+  EXPECT_NEAR(std::abs(after(1.0e-3) - exact) / std::abs(after(5.0e-4) - exact), 8.0, 1.5);
+  EXPECT_LT(std::abs(after(5.0e-4) - exact), 3.0e-5);
+}
+
 TEST(Rig, StepErrorFallsWithTheSquareOfTheStepInSmoothMotion) {
   Model model = coulomb_decay_model();
   model.friction = {};
