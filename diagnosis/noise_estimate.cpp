@@ -131,7 +131,8 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
     Found found = most_probable(residuals[c], shortest_s, longest_s, is_known);
     if (is_known && !keeps_declared) {
       const Found freed = most_probable(residuals[c], shortest_s, longest_s, false);
-      is_known = found.likelihood.nats - freed.likelihood.nats < least;
+      is_known = found.likelihood.nats - freed.likelihood.nats < least ||
+                 std::abs(std::log(freed.likelihood.variance)) < criteria.confirmed_noise_log;
       if (!is_known) found = freed;
     }
     const double white = likelihood_of(residuals[c], {}, is_known).nats;

@@ -19,7 +19,7 @@ struct NoiseEstimate {
 /// The most probable noise of residuals in the windows of `task` around its present level. A
 /// channel is coloured where that gains more than Criteria::claim_nats over white noise. The level
 /// is estimated, too, in channels without declared noise, and, unless `keeps_declared`, where the
-/// residuals contradict the declared one by as much.
+/// residuals contradict the declared one by as much and beyond Criteria::confirmed_noise_log.
 NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
                                  bool keeps_declared, const Criteria& criteria);
 

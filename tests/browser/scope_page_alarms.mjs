@@ -138,6 +138,7 @@ test("limits are in the units in use, kept in the browser, and refused if they e
   await page.evaluate(excursions);
   await until(page, () => document.querySelector('#channel-settings input[aria-label="Displacement: high limit"]')?.value === "0.005");
   await page.evaluate(() => { feed.open(); feed.frames(0, 4000); });
-  assert.ok((await events(page)).some((line) => line[4] === "Displacement above 0.005000 m" && line[3] === "2 times"));
+  await until(page, () => [...document.querySelectorAll("#event-list li")].some((item) =>
+    item.children[3]?.textContent === "Displacement above 0.005000 m" && item.children[2].textContent === "2 times"));
   await close(page);
 });
