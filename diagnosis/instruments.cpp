@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/instruments.h"
 
-#include <cmath>
 #include <numbers>
-
-#include "physics/sensor_chain.h"
 
 namespace stickslip::diagnosis {
 
