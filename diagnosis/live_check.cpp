@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <random>
 #include <stdexcept>
@@ -90,6 +91,22 @@ FitOptions fit_of(int iterations) {
   options.tolerance = 1.0e-3;
   options.covariance = false;
   return options;
+}
+
+// Of the candidates that were fitted from several starts, the better fit.
+void keep_best_of_each(std::vector<FittedCandidate>& candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const FittedCandidate& a, const FittedCandidate& b) {
+                     return a.fitted.cost < b.fitted.cost;
+                   });
+  std::vector<FittedCandidate> best;
+  for (FittedCandidate& each : candidates) {
+    const bool is_known = std::any_of(best.begin(), best.end(), [&](const FittedCandidate& better) {
+      return better.candidate == each.candidate;
+    });
+    if (!is_known) best.push_back(std::move(each));
+  }
+  candidates = std::move(best);
 }
 
 }  // namespace
@@ -240,39 +257,63 @@ double LiveCheck::informative_share(const Seconds& seconds, const Fit& fit) cons
   return 1.0 / (1.0 + 2.0 * samples * uncertainty * uncertainty);
 }
 
-// Counts the misfit of the parameters that the rig followed last as noise, and fits the declared
-// model at that noise: a fit to the noise itself is far from both the parameters and the true
-// states, and the search for candidates would begin there.
-Fit LiveCheck::fitted_at_misfit(Task& task) const {
+// Where the search for candidates begins. The misfit of the parameters that the rig followed last
+// counts as noise, since a fit to the noise itself is far from both the parameters and the true
+// states. What was there before the check began is found beside parameters that are fitted at that
+// noise; what has begun only now, and draws such a fit far away, beside those of before.
+std::vector<Fit> LiveCheck::fits_at_misfit(Task& task) const {
   const Fit known = fit_states(task, declared_, z_, fit_of(12));
   const double misfit = std::max(1.0, known.chi2_per_sample());
   for (double& sigma : task.sigma) sigma *= std::sqrt(misfit);
-  return fit(task, declared_, z_, known.state, fit_of(12));
+  std::vector<Fit> out{fit(task, declared_, z_, known.state, fit_of(12))};
+  const std::vector<double>& z = out.front().z;
+  const double distance = std::transform_reduce(
+      z.begin(), z.end(), z_.begin(), 0.0, [](double a, double b) { return std::max(a, b); },
+      [](double fitted, double before) { return std::abs(fitted - before); });
+  if (distance > settings_.criteria.distant_calibration) {
+    out.push_back(fit_states(task, declared_, z_, fit_of(12)));
+  }
+  return out;
 }
 
-std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, const Fit& fit) const {
+// Effects fitted to the frames; from the second start, where there is one, only where none of those
+// from the first follows the frames.
+std::vector<FittedCandidate> LiveCheck::candidates_for(const Seconds& seconds) const {
   SearchData data = seconds.data;
   FittedCandidate base;
   base.hypothesis = declared_;
-  base.fitted = fitted_at_misfit(data.train);
-  const ResidualFeatures features = residual_features(data.train, declared_, base.fitted);
-  std::vector<FittedCandidate> candidates =
-      finalists(data, features, base, [](const std::string&, double) {});
+  std::vector<FittedCandidate> all;
+  for (Fit& start : fits_at_misfit(data.train)) {
+    base.fitted = std::move(start);
+    const ResidualFeatures features = residual_features(data.train, declared_, base.fitted);
+    auto found = finalists(data, features, base, [](const std::string&, double) {});
+    fit_thoroughly(seconds.data, found);
+    std::move(found.begin(), found.end(), std::back_inserter(all));
+    const auto follows = [this](const FittedCandidate& each) {
+      return each.fitted.chi2_per_sample() <= verdict_.limit;
+    };
+    if (std::any_of(all.begin(), all.end(), follows)) break;
+  }
+  keep_best_of_each(all);
+  return all;
+}
+
+std::vector<Explanation> LiveCheck::explanations_of(const Seconds& seconds, const Fit& fit) const {
+  const SearchData& data = seconds.data;
+  std::vector<FittedCandidate> candidates = candidates_for(seconds);
   if (candidates.empty()) return {};
-  data.train.sigma = seconds.data.train.sigma;
-  fit_thoroughly(data, candidates);
   const double share = informative_share(seconds, fit);
   const auto score = [&](const Hypothesis& hypothesis, const Fit& fitted) {
     HeldOut out = score_of(fitted, data.train, hypothesis, fitted.z, data.noise_is_known);
     for (double& loss : out.loss) loss *= share;
     return out;
   };
-  base.held_out = score(declared_, fit);
+  const HeldOut declared = score(declared_, fit);
   for (FittedCandidate& each : candidates) {
     each.held_out = score(*each.hypothesis, each.fitted);
-    each.gain_z = gain_z(base.held_out, each.held_out);
+    each.gain_z = gain_z(declared, each.held_out);
   }
-  rank_determined(candidates, data, base.held_out, data.seed);
+  rank_determined(candidates, data, declared, data.seed);
   const std::vector<double> probability = probabilities(candidates, data.criteria, data.seed);
   const physics::ResultUnits units(model_);
   std::vector<Explanation> out;

@@ -3,7 +3,7 @@
 // candidates and the score of a diagnosis. The declared model is fitted to short windows of the
 // latest frames; where its residuals exceed the noise, or its parameters their declared
 // uncertainties, every effect of the catalogue is fitted to the same windows. Not for the real-time
-// loop: a check takes 5 to 200 ms, an explanation some seconds.
+// loop: a check takes 5 to 200 ms, an explanation 5 to 20 s.
 #pragma once
 
 #include <cstdint>
@@ -126,7 +126,8 @@ class LiveCheck {
   Fit fitted_from_declared(const Task& task) const;
   std::optional<Fit> other_fit_that_follows(const Seconds& seconds) const;
   Fit fitted_in_growing_windows(const Task& task, std::vector<double> z) const;
-  Fit fitted_at_misfit(Task& task) const;
+  std::vector<Fit> fits_at_misfit(Task& task) const;
+  std::vector<FittedCandidate> candidates_for(const Seconds& seconds) const;
   double informative_share(const Seconds& seconds, const Fit& fit) const;
   std::vector<Explanation> explanations_of(const Seconds& seconds, const Fit& fit) const;
   bool agrees_with_channels(const Seconds& seconds, const FittedCandidate& each) const;
