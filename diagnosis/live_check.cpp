@@ -267,10 +267,10 @@ std::vector<Fit> LiveCheck::fits_at_misfit(Task& task) const {
   for (double& sigma : task.sigma) sigma *= std::sqrt(misfit);
   std::vector<Fit> out{fit(task, declared_, z_, known.state, fit_of(12))};
   const std::vector<double>& z = out.front().z;
-  const double distance = std::transform_reduce(
-      z.begin(), z.end(), z_.begin(), 0.0, [](double a, double b) { return std::max(a, b); },
-      [](double fitted, double before) { return std::abs(fitted - before); });
-  if (distance > settings_.criteria.distant_calibration) {
+  const bool is_near = std::equal(z.begin(), z.end(), z_.begin(), [this](double a, double b) {
+    return std::abs(a - b) <= settings_.criteria.distant_calibration;
+  });
+  if (!is_near) {
     out.push_back(fit_states(task, declared_, z_, fit_of(12)));
   }
   return out;

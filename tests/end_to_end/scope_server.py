@@ -110,6 +110,14 @@ class Scope(EndToEnd):
         self.addCleanup(daemon.kill)
         return daemon
 
+    def start_recorder(self, name):
+        """A recorder of all traffic on LCM."""
+        recorder = subprocess.Popen([STICKSLIP, "record", str(self.folder / name)],
+                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(recorder.wait)
+        self.addCleanup(recorder.kill)
+        return recorder
+
     def stop(self, process):
         process.send_signal(signal.SIGTERM)
         return process.wait(30)
@@ -178,10 +186,7 @@ class Streams(Scope):
         return out
 
     def test_ten_clients_receive_every_frame_unchanged(self):
-        recorder = subprocess.Popen([STICKSLIP, "record", str(self.folder / "reference.log")],
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.addCleanup(recorder.wait)
-        self.addCleanup(recorder.kill)
+        recorder = self.start_recorder("reference.log")
         clients = [Reader(self.port) for _ in range(10)]
         time.sleep(1)
         daemon = self.start_daemon("--duration", "5")
@@ -598,19 +603,6 @@ class Notes(Scope):
         self.daemon = self.start_daemon("--control", str(self.socket), "--record", str(self.log))
         self.server, self.port = self.start_scope("--allow-notes", "--socket", str(self.socket))
 
-    def start_recording_traffic(self):
-        """A recorder of everything on LCM, once it has received something."""
-        self.traffic = self.folder / "traffic.log"
-        recorder = subprocess.Popen([STICKSLIP, "record", str(self.traffic)],
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.addCleanup(recorder.wait)
-        self.addCleanup(recorder.kill)
-        end = time.monotonic() + PATIENCE_S
-        while not self.traffic.exists() or self.traffic.stat().st_size == 0:
-            self.assertLess(time.monotonic(), end)
-            time.sleep(0.05)
-        return recorder
-
     def note(self, client, text):
         """The answer to a note, and the event that came with it."""
         client.send(frame(TEXT, json.dumps({"note": text}).encode()))
@@ -628,7 +620,12 @@ class Notes(Scope):
     def test_a_note_from_a_page_is_recorded_and_sent_to_every_page(self):
         with WebSocket(self.port) as client, WebSocket(self.port) as other:
             self.wait_for_frames(client, 500)
-            traffic = self.start_recording_traffic()
+            recorder = self.start_recorder("traffic.log")
+            traffic = self.folder / "traffic.log"
+            end = time.monotonic() + PATIENCE_S
+            while not traffic.exists() or traffic.stat().st_size == 0:  # until it receives
+                self.assertLess(time.monotonic(), end)
+                time.sleep(0.05)
             answer, event = self.note(client, "weights: 450 g, µ <lower>")
             self.assertEqual((answer["taken"], answer["refusal"]), (True, ""))
             self.assertEqual((event["message"], event["severity"]), ("weights: 450 g, µ <lower>", 0))
@@ -648,9 +645,9 @@ class Notes(Scope):
             events = [text for text in texts_in(self.wait_for_frames(late, 500)) if text["type"] == "event"]
             self.assertIn(event, events)
         self.assertEqual(self.stop(self.daemon), 0)
-        self.assertEqual(self.stop(traffic), 0)
+        self.assertEqual(self.stop(recorder), 0)
         event_t = generate_types(self.folder / "types").event_t
-        for log in (self.log, self.traffic):
+        for log in (self.log, traffic):
             events = [event_t.decode(payload) for payload in payloads(log, "STICKSLIP_EVENT")]
             self.assertEqual([(each.message, each.time_ns) for each in events if each.code == "note"],
                              [(event["message"], event["time_ns"])])
