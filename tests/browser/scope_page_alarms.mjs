@@ -84,6 +84,24 @@ for (const webgl of [0, 1]) {
   });
 }
 
+test("crossings are counted by the time of their frames, whatever the clock of the host says", async () => {
+  const page = await open();
+  await page.evaluate(() => {
+    feed.value = (channel, t) => (channel === 0 && [2, 3.5].includes(t) ? 0.006 : 0.001);
+    feed.frames(0, 1000, { received_unix_ms: 1.7e12 });
+  });
+  await until(page, () => document.querySelector("#readings tbody td").textContent !== "");
+  await page.locator(".channel-settings summary").click();
+  await limit(page, "Displacement", "high", "5");
+  // Frames that are received faster than they were measured: both crossings have the same UTC.
+  await page.evaluate(() => feed.frames(1000, 4000, { received_unix_ms: 1.7e12 }));
+  assert.deepEqual((await events(page)).map((line) => line[3]), ["2 times"]);
+  // A new run counts on, though its times begin anew.
+  await page.evaluate(() => { feed.text({ type: "restart" }); feed.frames(0, 4000); });
+  assert.deepEqual((await events(page)).map((line) => line[3]), ["4 times"]);
+  await close(page);
+});
+
 test("a beep is off at first, and of live frames only", async () => {
   const page = await open();
   await page.evaluate(silence);

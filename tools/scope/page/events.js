@@ -10,7 +10,7 @@ const severities = ["information", "warning", "error"];
 export class Events {
   constructor(app) {
     this.app = app;
-    this.lines = []; // latest first: {key, event, seen (UTC), times, at (device times), item}
+    this.lines = []; // latest first: {key, event, seen (identities), times, at (device times), item}
     this.pinned = null;
     this.list = byId("event-list");
     this.least = byId("event-severity");
@@ -27,16 +27,18 @@ export class Events {
     this.#filter();
   }
 
-  // Events repeated for a new connection are taken once.
+  // Events repeated for a new connection are taken once. An event of the page's own is identified by the time
+  // of its frame: its UTC is an estimate, which moves with each quicker receipt.
   take(event) {
     const key = `${event.code} ${event.message}`;
+    const identity = event.own ? event.time_ns : event.utc_us;
     let line = this.lines.find((one) => one.key === key);
-    if (line?.seen.has(event.utc_us)) return false;
+    if (line?.seen.has(identity)) return false;
     if (line === undefined) {
       line = { key, event, seen: new Set(), times: 0, at: [], item: this.#item(event) };
       this.lines.push(line);
     }
-    line.seen.add(event.utc_us);
+    line.seen.add(identity);
     if (line.seen.size > most) line.seen.delete(line.seen.values().next().value);
     line.times += 1;
     if (event.time_ns > 0) line.at.push(event.time_ns);
@@ -55,6 +57,7 @@ export class Events {
   beginRun() {
     for (const line of this.lines) {
       line.at = [];
+      if (line.event.own) line.seen.clear();
       line.event = { ...line.event, time_ns: 0 };
       this.#show(line);
     }
