@@ -253,8 +253,13 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   FittedCandidate out;
   out.hypothesis.emplace(model, data.campaign);
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
-  out.fitted = fit_in_stages(data.train, *out.hypothesis, origin,
-                             initial_states(data.train, *out.hypothesis), complete_fit());
+  const auto guesses = initial_states(data.train, *out.hypothesis);
+  out.fitted = fit_in_stages(data.train, *out.hypothesis, origin, guesses, complete_fit());
+  if (out.fitted.chi2_per_sample() > data.explained_chi2()) {
+    // Stages may have led it astray.
+    Fit at_once = fit(data.train, *out.hypothesis, origin, guesses, complete_fit());
+    if (at_once.cost < out.fitted.cost) out.fitted = std::move(at_once);
+  }
   settle(data, out);
   return out;
 }

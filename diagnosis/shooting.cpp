@@ -22,6 +22,7 @@ constexpr double first_damping = 1.0e-3;
 constexpr double min_damping = 1.0e-9;
 constexpr double ridge_damping = 1.0e-3;  // factor of the damping where it alone ends a descent
 constexpr int damping_attempts = 8;
+constexpr int shortenings = 4;  // of a step along a ridge
 // Largest ratio of mean squares up to which a window is not started elsewhere.
 constexpr double most_ratio = 3.0;
 // Share of the windows up to which those that do not follow their linearisation are few.
@@ -190,6 +191,33 @@ Fit summary_of(const std::vector<NormalBlock>& blocks, std::vector<double> z,
   return result;
 }
 
+// Fits the states of all windows, the parameters held.
+std::vector<NormalBlock> fit_each_window(const WindowProblem& problem, const Task& task,
+                                         std::vector<WindowState>& states,
+                                         const FitOptions& options) {
+  std::vector<NormalBlock> blocks(task.windows.size());
+  for_each(blocks.size(), task.threads, [&](std::size_t w) {
+    blocks[w] = fit_window_state(problem, w, states[w], options);
+    if (task.window_done) task.window_done();
+  });
+  if (options.multistart) restart_windows(problem, task.threads, states, blocks);
+  return blocks;
+}
+
+// Replaces states by those of a fit from the first guesses where these fit better: parameters that
+// were still far off lead windows into minima on the wrong side of a slip, for which the parameters
+// then compensate.
+void start_anew(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,
+                std::vector<WindowState>& states) {
+  WindowProblem problem(task, hypothesis, z, false);
+  problem.prepare(z);
+  std::vector<WindowState> anew = initial_states(task, hypothesis);
+  const std::vector<NormalBlock> blocks = fit_each_window(problem, task, anew, {});
+  for_each(states.size(), task.threads, [&](std::size_t w) {
+    if (blocks[w].cost() < problem.evaluate(w, states[w]).cost()) states[w] = anew[w];
+  });
+}
+
 // Joint descent of parameters and window states from a start.
 class JointFit {
  public:
@@ -205,6 +233,7 @@ class JointFit {
         blocks_(task.windows.size()) {}
 
   Fit run() && {
+    if (options_.multistart) start_anew(task_, hypothesis_, z_, states_);
     linearise();
     cost_ = total_cost(blocks_) + problem_.parameter_prior(z_);
     descend();
@@ -228,6 +257,17 @@ class JointFit {
     Eigen::VectorXd gradient;
     std::vector<Eigen::LDLT<Eigen::MatrixXd>> factor;  // of the states, by window
   };
+  struct Step {
+    Eigen::VectorXd parameters;
+    std::vector<Eigen::VectorXd> own;  // of the states, by window
+    double slope = 0.0;                // of the cost along it
+
+    void operator*=(double share) {
+      parameters *= share;
+      for (Eigen::VectorXd& each : own) each *= share;
+      slope *= share;
+    }
+  };
   struct Trial {
     std::vector<double> z;
     std::vector<WindowState> states;
@@ -247,6 +287,10 @@ class JointFit {
       ++iterations_;
       if (!step(iteration + 1 == options_.iterations)) break;
     }
+    if (options_.covariance) {
+      for (int i = 0; i < options_.iterations && step_along_ridge(); ++i) {
+      }
+    }
     problem_.prepare(z_);
   }
 
@@ -254,30 +298,75 @@ class JointFit {
   bool step(bool last) {
     for (int attempt = 0; attempt < damping_attempts; ++attempt) {
       const Reduced reduced = reduced_equations(damping_);
-      const Eigen::VectorXd delta = step_of(reduced);
-      if (!delta.allFinite()) {
+      const Step step = step_of(reduced);
+      if (!step.parameters.allFinite()) {
         damping_ *= 10.0;
         continue;
       }
-      // The first trial is mostly accepted: derivatives are then needed at once.
-      Trial trial = trial_at(delta, reduced, attempt == 0 && (!last || options_.covariance));
-      if (trial.cost < cost_) return accept(std::move(trial), attempt == 0, last);
+      // A first trial is accepted where the last one was: derivatives are then needed at once.
+      const bool at_once = attempt == 0 && first_accepted_ && (!last || options_.covariance);
+      Trial trial = trial_at(step, at_once);
+      if (trial.cost < cost_) {
+        first_accepted_ = attempt == 0;
+        return accept(std::move(trial), last);
+      }
       damping_ *= 8.0;
       if (trial.cost - cost_ < 1.0e-9 * cost_) return false;
     }
     return false;
   }
 
-  Eigen::VectorXd step_of(const Reduced& reduced) const {
-    if (np_ == 0) return Eigen::VectorXd::Zero(0);
-    return -reduced.information.ldlt().solve(reduced.gradient);
+  // Numbers of which only a product shows in the readings compensate each other along a curve,
+  // where damping all but stops a descent: it goes on by steps that are shortened instead, each to
+  // the minimum of the parabola by the cost at both ends of the last one and the slope. True if one
+  // gains enough.
+  bool step_along_ridge() {
+    ++iterations_;
+    Step step = step_of(reduced_equations(min_damping));
+    if (!step.parameters.allFinite() || !(-0.5 * step.slope > enough_gain())) return false;
+    for (int attempt = 0; attempt < shortenings; ++attempt) {
+      Trial trial = trial_at(step, false);
+      if (cost_ - trial.cost > enough_gain()) {
+        accept(std::move(trial), false);
+        return true;
+      }
+      const double beyond = trial.cost - cost_ - step.slope;
+      const double share = std::isfinite(beyond) ? -0.5 * step.slope / beyond : 0.0;
+      step *= std::clamp(share, 0.1, 0.5);
+    }
+    return false;
+  }
+
+  Step step_of(const Reduced& reduced) const {
+    Step out;
+    out.parameters = Eigen::VectorXd::Zero(np_);
+    if (np_ > 0) out.parameters = -reduced.information.ldlt().solve(reduced.gradient);
+    for (Eigen::Index i = 0; i < np_; ++i) {
+      // A step of a logarithm by more than a factor of e^2 leaves its linear range.
+      const Unknown& unknown = hypothesis_.unknowns()[static_cast<std::size_t>(i)];
+      if (unknown.logarithmic) out.parameters[i] = std::clamp(out.parameters[i], -2.0, 2.0);
+      if (unknown.prior_sigma > 0.0) {
+        out.slope += 2.0 * out.parameters[i] * z_[static_cast<std::size_t>(i)] /
+                     (unknown.prior_sigma * unknown.prior_sigma);
+      }
+    }
+    for (std::size_t w = 0; w < blocks_.size(); ++w) {
+      const NormalBlock& block = blocks_[w];
+      Eigen::VectorXd right = -block.gs;
+      if (np_ > 0) right -= block.ps.transpose() * out.parameters;
+      out.own.emplace_back(right.size() > 0 ? Eigen::VectorXd(reduced.factor[w].solve(right))
+                                            : right);
+      out.slope += 2.0 * block.gs.dot(out.own.back());
+      if (np_ > 0) out.slope += 2.0 * block.gp.dot(out.parameters);
+    }
+    return out;
   }
 
   // Gain of an undamped step of the parameters in a linear problem. Damping alone makes
   // small steps along a ridge, where well-determined parameters compensate each other.
   double newton_decrement() const {
     const Reduced reduced = reduced_equations(0.0);
-    return -0.5 * reduced.gradient.dot(step_of(reduced));
+    return 0.5 * reduced.gradient.dot(reduced.information.ldlt().solve(reduced.gradient));
   }
 
   Reduced reduced_equations(double damping) const {
@@ -343,31 +432,23 @@ class JointFit {
     trial.states[w] = state;
   }
 
-  Trial trial_at(const Eigen::VectorXd& delta, const Reduced& reduced, bool with_derivatives) {
+  Trial trial_at(const Step& step, bool with_derivatives) {
     const std::size_t windows = blocks_.size();
     Trial trial{z_, std::vector<WindowState>(windows), std::vector<NormalBlock>(windows)};
-    for (Eigen::Index i = 0; i < np_; ++i) {
-      const auto u = static_cast<std::size_t>(i);
-      // A step of a logarithm by more than a factor of e^2 leaves its linear range.
-      const bool logarithmic = hypothesis_.unknowns()[u].logarithmic;
-      trial.z[u] += logarithmic ? std::clamp(delta[i], -2.0, 2.0) : delta[i];
+    for (std::size_t u = 0; u < trial.z.size(); ++u) {
+      trial.z[u] += step.parameters[static_cast<Eigen::Index>(u)];
     }
-    const bool has_states = problem_.free_in_window() > 0;
     std::vector<double> predicted(windows);
     for (std::size_t w = 0; w < windows; ++w) {
-      Eigen::VectorXd right = -blocks_[w].gs;
-      if (np_ > 0) right -= blocks_[w].ps.transpose() * delta;
-      const Eigen::VectorXd own = has_states ? Eigen::VectorXd(reduced.factor[w].solve(right))
-                                             : Eigen::VectorXd(Eigen::VectorXd::Zero(0));
-      trial.states[w] = problem_.moved(w, states_[w], own);
-      predicted[w] = predicted_change(blocks_[w], delta, own);
+      trial.states[w] = problem_.moved(w, states_[w], step.own[w]);
+      predicted[w] = predicted_change(blocks_[w], step.parameters, step.own[w]);
     }
     problem_.prepare(trial.z);
     for_each(windows, task_.threads, [&](std::size_t w) {
       trial.blocks[w] = with_derivatives ? problem_.linearise(w, trial.states[w])
                                          : problem_.evaluate(w, trial.states[w]);
     });
-    if (has_states && options_.own_steps > 0) follow(trial, predicted);
+    if (problem_.free_in_window() > 0 && options_.own_steps > 0) follow(trial, predicted);
     trial.linearised = with_derivatives;
     trial.cost = total_cost(trial.blocks) + problem_.parameter_prior(trial.z);
     return trial;
@@ -382,7 +463,7 @@ class JointFit {
 
   // Returns true unless the fit has converged. A small gain ends it, unless only an earlier damping
   // made it small: where longer steps were refused just now, the model is not linear that far.
-  bool accept(Trial trial, bool at_once, bool last) {
+  bool accept(Trial trial, bool last) {
     const double enough = enough_gain();
     bool converged = cost_ - trial.cost < enough;
     z_ = std::move(trial.z);
@@ -393,7 +474,7 @@ class JointFit {
     // At the end derivatives are only needed for a covariance.
     if (!(converged || last) || options_.covariance) {
       if (!trial.linearised) linearise();
-      if (converged && at_once && damping_ > min_damping) {
+      if (converged && first_accepted_ && damping_ > min_damping) {
         converged = !(newton_decrement() > enough);
         damping_ = std::max(min_damping, damping_ * ridge_damping);
       }
@@ -451,6 +532,7 @@ class JointFit {
   std::vector<NormalBlock> blocks_;
   double cost_ = 0.0;
   double damping_ = first_damping;
+  bool first_accepted_ = true;  // of the trials of the last iteration
   int iterations_ = 0;
 };
 
@@ -458,12 +540,7 @@ Fit fit_states_only(const Task& task, const Hypothesis& hypothesis, std::vector<
                     std::vector<WindowState> states, const FitOptions& options) {
   WindowProblem problem(task, hypothesis, z, false);
   problem.prepare(z);
-  std::vector<NormalBlock> blocks(task.windows.size());
-  for_each(blocks.size(), task.threads, [&](std::size_t w) {
-    blocks[w] = fit_window_state(problem, w, states[w], options);
-    if (task.window_done) task.window_done();
-  });
-  if (options.multistart) restart_windows(problem, task.threads, states, blocks);
+  const std::vector<NormalBlock> blocks = fit_each_window(problem, task, states, options);
   Fit result = summary_of(blocks, std::move(z), std::move(states), problem.states());
   result.cost = total_cost(blocks);
   return result;

@@ -269,21 +269,35 @@ struct Worst {
   double of_several = 0.0;
 };
 
-Worst worst_from_a_wrong_state(double noise_factor) {
-  physics::Model model = bench_with_memory();
-  Task task;
-  for (const Channel c : {Channel::displacement, Channel::velocity, Channel::friction_force}) {
-    *model.sensors[index_of(c)].noise_std *= noise_factor;
+constexpr std::array measured = {Channel::displacement, Channel::velocity, Channel::friction_force};
+
+physics::Model noisier(physics::Model model, double factor) {
+  for (const Channel c : measured) *model.sensors[index_of(c)].noise_std *= factor;
+  return model;
+}
+
+Task shaken_windows(std::span<const Experiment> experiments, const physics::Model& model) {
+  Task task = all_windows(experiments);
+  for (const Channel c : measured) {
     task.sigma[index_of(c)] = *model.sensors[index_of(c)].noise_std;
   }
   task.sigma[index_of(Channel::normal_load)] = 1.0;
   task.threads = 2;
-  const std::vector<Experiment> experiments = {shaken(model, 8.0)};
-  task.experiments = experiments;
-  task.windows = all_windows(experiments).windows;
-  const Hypothesis hypothesis(model);
+  return task;
+}
+
+std::vector<WindowState> wrong_states(const Task& task, const Hypothesis& hypothesis) {
   auto wrong = initial_states(task, hypothesis);
   for (WindowState& state : wrong) state[physics::state::contact] = 0.3;
+  return wrong;
+}
+
+Worst worst_from_a_wrong_state(double noise_factor) {
+  const physics::Model model = noisier(bench_with_memory(), noise_factor);
+  const std::vector<Experiment> experiments = {shaken(model, 8.0)};
+  const Task task = shaken_windows(experiments, model);
+  const Hypothesis hypothesis(model);
+  const auto wrong = wrong_states(task, hypothesis);
   const auto worst = [&](bool multistart) {
     FitOptions options;
     options.parameters_free = false;
@@ -327,6 +341,31 @@ physics::Model uncertain_bench() {
   model.load_cell->mass_kg = uncertain(0.0126);
   model.load_cell->natural_frequency_hz = uncertain(19.3);
   return model;
+}
+
+// Most by which a window fits worse than from its first guess at the same parameters.
+double most_above_first_guesses(const Task& task, const Hypothesis& hypothesis, const Fit& fitted) {
+  const Fit anew = fit_states(task, hypothesis, fitted.z);
+  double most = 0.0;
+  for (std::size_t w = 0; w < task.windows.size(); ++w) {
+    most = std::max(most, fitted.chi2[w] - anew.chi2[w]);
+  }
+  return most;
+}
+
+TEST(Fit, LeavesLocalMinimaThatFitAsWellAsOtherWindows) {
+  const physics::Model model = noisier(uncertain_bench(), 12.0);
+  const std::vector<Experiment> experiments = {shaken(model, 8.0)};
+  const Task task = shaken_windows(experiments, model);
+  const Hypothesis hypothesis(model);
+  FitOptions one_start;
+  one_start.parameters_free = false;
+  one_start.multistart = false;
+  const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
+  const Fit astray = fit(task, hypothesis, declared, wrong_states(task, hypothesis), one_start);
+  EXPECT_GT(most_above_first_guesses(task, hypothesis, astray), 20.0) << "the test is void";
+  const Fit fitted = fit(task, hypothesis, declared, astray.state);
+  EXPECT_LT(most_above_first_guesses(task, hypothesis, fitted), 2.0);
 }
 
 // Change of the residuals of a window by a step of one of its numbers in both directions.
