@@ -12,6 +12,7 @@
 #include "diagnosis/fourier.h"
 #include "diagnosis/parallel/for_each.h"
 #include "diagnosis/rerun.h"
+#include "diagnosis/significance.h"
 #include "diagnosis/time_grid.h"
 #include "physics/model_consistency.h"
 
@@ -450,11 +451,9 @@ Values block_energies(std::span<const Rows* const> all, const Eigen::VectorXd& s
   return out;
 }
 
-// Probability that Student's t is larger (Wallace 1959).
+// Probability that Student's t is larger.
 double beyond_student(double t, double degrees) {
-  const double z = std::sqrt(degrees * std::log1p(t * t / degrees)) * (8.0 * degrees + 1.0) /
-                   (8.0 * degrees + 3.0);
-  return 0.5 * std::erfc(std::copysign(z, t) / std::numbers::sqrt2);
+  return normal_chance(deviate_of_student(t, degrees));
 }
 
 // Of a larger ratio of the sums: jackknife over pairs of blocks.

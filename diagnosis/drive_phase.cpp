@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/drive_phase.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/median.h"
 #include "diagnosis/spectrum.h"
 
 namespace stickslip::diagnosis {
@@ -58,6 +60,37 @@ DrivePhase drive_phase_of(const Experiment& e) {
     out.amplitude.push_back(std::hypot(value[k], scale * rate[k]));
   }
   return out;
+}
+
+WindowDrive drive_in(const DrivePhase& drive, const Window& window, double period_s) {
+  using std::numbers::pi;
+  WindowDrive out;
+  double turned = 0.0;
+  for (std::size_t k = window.begin; k < window.end; ++k) {
+    out.amplitude += drive.amplitude[k] / static_cast<double>(window.end - window.begin);
+    if (k == window.begin) continue;
+    turned += std::remainder(drive.phase_rad[k] - drive.phase_rad[k - 1], 2.0 * pi);
+  }
+  const auto steps = static_cast<double>(window.end - window.begin - 1);
+  out.frequency_hz = std::abs(turned) / (2.0 * pi * steps * period_s);
+  return out;
+}
+
+bool is_periodic(const DrivePhase& drive, const Experiment& e) {
+  constexpr double steady = 0.35;
+  std::vector<double> hz;
+  double turns = 0.0;
+  double amplitude = 0.0;
+  for (const Window& window : e.windows) {
+    const WindowDrive each = drive_in(drive, window, e.period_s);
+    hz.push_back(each.frequency_hz);
+    turns += each.frequency_hz * e.period_s * static_cast<double>(window.end - window.begin);
+    amplitude = std::max(amplitude, each.amplitude);
+  }
+  if (!(amplitude > 0.0 && turns >= 1.5)) return false;
+  double change = 0.0;
+  for (std::size_t i = 1; i < hz.size(); ++i) change += std::abs(hz[i] - hz[i - 1]);
+  return change <= steady * median(hz) * static_cast<double>(hz.size() - 1);
 }
 
 }  // namespace stickslip::diagnosis

@@ -16,6 +16,16 @@ struct DrivePhase {
 };
 DrivePhase drive_phase_of(const Experiment& experiment);
 
+struct WindowDrive {
+  double frequency_hz = 0.0;
+  double amplitude = 0.0;  ///< mean
+};
+WindowDrive drive_in(const DrivePhase& drive, const Window& window, double period_s);
+
+/// True if the drive of a recording has a frequency, which changes little from window to window. A
+/// move from point to point has none.
+bool is_periodic(const DrivePhase& drive, const Experiment& experiment);
+
 /// Frequency of the strongest line of the driving quantity, in the longest stretch without a gap
 /// [Hz]; 0 where it is constant.
 double drive_frequency_hz(const Experiment& experiment);

@@ -90,19 +90,6 @@ std::vector<std::size_t> in_order_of_time(const Task& task) {
   return order;
 }
 
-// Frequency and amplitude of the drive in a window.
-void set_drive(WindowEvidence& out, const Experiment& e, const Window& window,
-               const DrivePhase& drive) {
-  double turned = 0.0;
-  for (std::size_t k = window.begin; k < window.end; ++k) {
-    out.drive_amplitude += drive.amplitude[k] / static_cast<double>(window.end - window.begin);
-    if (k == window.begin) continue;
-    turned += std::remainder(drive.phase_rad[k] - drive.phase_rad[k - 1], 2.0 * pi);
-  }
-  const auto steps = static_cast<double>(window.end - window.begin - 1);
-  out.drive_hz = std::abs(turned) / (2.0 * pi * steps * e.period_s);
-}
-
 // All runs of `count` neighbouring held-out windows.
 std::vector<Stretch> stretches_of(const std::vector<WindowEvidence>& windows, std::size_t count) {
   const auto follows = [&](std::size_t i) {
@@ -154,6 +141,8 @@ class Collector {
     map_.velocity_m_s = std::max(e_.largest.velocity_m_s, 1.0e-12);
   }
 
+  bool drive_is_periodic() const { return is_periodic(drive_, e_); }
+
   ChannelEvidence channel(std::size_t c) {
     ChannelEvidence out;
     out.channel = all_channels[c];
@@ -195,7 +184,9 @@ class Collector {
       each.begin_s = e_.time_s(window.begin);
       each.end_s = e_.time_s(window.end);
       each.reported = window.use == Use::report;
-      set_drive(each, e_, window, drive_);
+      const WindowDrive drive = drive_in(drive_, window, e_.period_s);
+      each.drive_hz = drive.frequency_hz;
+      each.drive_amplitude = drive.amplitude;
       const double count = std::max(1.0, by_window_[i].count);
       each.before = by_window_[i].before / count;
       each.after = by_window_[i].after / count;
@@ -300,6 +291,7 @@ Evidence evidence_of(const Task& task, const FittedHypothesis& before,
   Evidence out;
   const Experiment& e = task.experiments.front();
   Collector collector(task, before, after);
+  out.drive_is_periodic = collector.drive_is_periodic();
   out.drive_noise_removed = e.drive_noise > 0.0;
   out.driven_by = drive_channel(before.hypothesis->model().oscillator.excitation);
   for (std::size_t c = 0; c < predicted_channels; ++c) {

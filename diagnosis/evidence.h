@@ -68,6 +68,7 @@ struct Evidence {
   Stretch typical;      ///< with one of median residuals, none shown twice; may be empty
   double median = 0.0;  ///< mean square of the residuals of the median held-out window
   Channel driven_by = Channel::base_displacement;  ///< channel of the drive amplitudes
+  bool drive_is_periodic = true;                   ///< it has a frequency, and a phase
   bool drive_noise_removed = false;                ///< the error of the drive was removed
 };
 

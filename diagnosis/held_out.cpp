@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <numeric>
 #include <random>
 
 #include "diagnosis/median.h"
 #include "diagnosis/score.h"
+#include "diagnosis/significance.h"
 
 namespace stickslip::diagnosis {
 
@@ -137,14 +137,8 @@ ScoreGain score_gain(const HeldOut& before, const HeldOut& after) {
 double gain_z(const HeldOut& before, const HeldOut& after) {
   const ScoreGain gain = score_gain(before, after);
   if (!(gain.se > 0.0)) return 0.0;
-  const double t = gain.value / gain.se;
-  const double freedom = static_cast<double>(before.loss.size() - 1);
-  const double z = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) *
-                   std::sqrt(freedom * std::log1p(t * t / freedom));
-  return t > 0.0 ? z : -z;
+  return deviate_of_student(gain.value / gain.se, static_cast<double>(before.loss.size() - 1));
 }
-
-double normal_chance(double z) { return 0.5 * std::erfc(z / std::numbers::sqrt2); }
 
 double gain_chance(const HeldOut& before, const HeldOut& after) {
   return normal_chance(gain_z(before, after));

@@ -57,9 +57,6 @@ ScoreGain score_gain(const HeldOut& before, const HeldOut& after);
 /// are the independent units: samples within one share its state.
 double gain_z(const HeldOut& before, const HeldOut& after);
 
-/// Probability that a standard normal variable exceeds `z`.
-double normal_chance(double z);
-
 /// Probability of such a mean gain, or a larger one, by chance.
 double gain_chance(const HeldOut& before, const HeldOut& after);
 

@@ -12,6 +12,7 @@
 #include "diagnosis/finalists.h"
 #include "diagnosis/held_out.h"
 #include "diagnosis/selection.h"
+#include "diagnosis/significance.h"
 #include "physics/number_text.h"
 #include "physics/problem.h"
 #include "physics/result_units.h"
@@ -36,14 +37,6 @@ constexpr double least_mentioned_probability = 0.05;
 // Times after an explanation that is not certain until the next one [s], doubled each time.
 constexpr double first_explanation_s = 0.5;
 constexpr double last_explanation_s = 8.0;
-
-// One-sided deviate of the normal distribution for a small probability (Abramowitz and Stegun,
-// 26.2.23).
-double normal_deviate(double probability) {
-  const double t = std::sqrt(-2.0 * std::log(probability));
-  return t - (2.515517 + t * (0.802853 + t * 0.010328)) /
-                 (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)));
-}
 
 double deviate_for(double days) {
   if (!(days > 0.0)) throw std::invalid_argument("days_between_false_alarms must be above 0");

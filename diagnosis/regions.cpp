@@ -12,6 +12,7 @@
 #include "diagnosis/drive_phase.h"
 #include "diagnosis/fourier.h"
 #include "diagnosis/parallel/for_each.h"
+#include "diagnosis/significance.h"
 
 namespace stickslip::diagnosis {
 
@@ -99,7 +100,9 @@ class Conditions {
     add_times();
     add_quintiles();
     add_motions();
-    add_drive_phases();
+    if (std::any_of(drive_.begin(), drive_.end(), [](const Drive& d) { return d.has_phase(); })) {
+      add_drive_phases();
+    }
     samples_ = list_.size();
     add_bands(highest_hz);
   }
@@ -134,7 +137,8 @@ class Conditions {
     if (v <= -slow) visit(at + 3);
     if (std::abs(v) > fast) visit(at + 4);
     at += motion_parts;
-    visit(at + drive_[ref.experiment].part(k));
+    const Drive& drive = drive_[ref.experiment];
+    if (drive.has_phase()) visit(at + drive.part(k));
   }
 
  private:
@@ -188,15 +192,18 @@ class Conditions {
     }
   }
 
-  // Part of the drive's cycle, by sample.
+  // Part of the drive's cycle, by sample, where it has cycles.
   class Drive {
    public:
     explicit Drive(const Experiment& e) {
-      for (const double phase : drive_phase_of(e).phase_rad) {
+      const DrivePhase drive = drive_phase_of(e);
+      if (!is_periodic(drive, e)) return;
+      for (const double phase : drive.phase_rad) {
         part_.push_back(
             std::min(phase_parts - 1, static_cast<std::size_t>(phase / (2.0 * pi) * phase_parts)));
       }
     }
+    bool has_phase() const { return !part_.empty(); }
     std::size_t part(std::size_t k) const { return part_[k]; }
 
    private:
@@ -301,7 +308,7 @@ class Test {
   double p_value(const std::vector<std::vector<double>>& draws) const {
     const double error = bootstrap_error(draws);
     const double found = contrast(inside_, all_);
-    return error > 0.0 ? 0.5 * std::erfc(found / error / std::numbers::sqrt2) : 1.0;
+    return error > 0.0 ? normal_chance(found / error) : 1.0;
   }
 
  private:

@@ -10,6 +10,7 @@
 #include "diagnosis/findings.h"
 #include "diagnosis/screening.h"
 #include "diagnosis/selection.h"
+#include "diagnosis/significance.h"
 #include "physics/catalogue.h"
 
 namespace stickslip::diagnosis {
@@ -35,7 +36,7 @@ void Search::run(const physics::Model& model) {
   declared_ = calibrate(data_, model);
   if (data_.campaign) estimate_spreads(data_, declared_);
   declared_task_ = data_.train;
-  current_ = declared_;
+  set_current(declared_);
   features_ = features_of(current_);
   extend();
   while (!is_complete() && swap_effect()) extend();
@@ -97,8 +98,14 @@ std::optional<FittedCandidate> Search::with_instruments_held(const FittedCandida
   }
 }
 
+void Search::set_current(FittedCandidate next) {
+  current_ = std::move(next);
+  rests_.clear();
+  detection_.reset();
+}
+
 void Search::continue_from(const FittedCandidate& next) {
-  current_ = next;
+  set_current(next);
   current_.hypothesis = next.hypothesis->with_uncertainties_of(declared_.hypothesis->model());
   current_.fitted.z = carried_over(*next.hypothesis, next.fitted.z, *current_.hypothesis);
   settle(data_, current_);
@@ -116,7 +123,8 @@ void Search::claim(const FittedCandidate& winner, std::vector<FittedCandidate> r
   claims_.push_back(std::move(claim));
 }
 
-Detection Search::detection() const {
+const Detection& Search::detection() {
+  if (detection_) return *detection_;
   WindowSubset subset = window_subset(data_, current_);
   subset.task.threads = data_.threads;
   Fit fitted;
@@ -129,8 +137,9 @@ Detection Search::detection() const {
   const auto scales = [&](const physics::Place& place) {
     return scales_of(data_.experiments, *current_.hypothesis, current_.fitted.z, features_, place);
   };
-  return detection_limits(subset.task, *current_.hypothesis, fitted, candidates, scales,
-                          data_.criteria);
+  detection_ = detection_limits(subset.task, *current_.hypothesis, fitted, candidates, scales,
+                                data_.criteria);
+  return *detection_;
 }
 
 // Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones, of which
@@ -148,9 +157,9 @@ double Search::least_gain(std::optional<std::size_t> without) const {
 
 // True if more than noise is left, and shows a listed effect beyond chance and beyond what formulas
 // may leave.
-bool Search::listed_effect_remains() const {
+bool Search::listed_effect_remains() {
   if (!data_.noise_is_known || current_.held_out.chi2 < 1.0) return false;
-  const Detection found = detection();
+  const Detection& found = detection();
   const double least = least_gain();
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
     return tier_of(limit.candidate) == Tier::listed && limit.gain > least &&
@@ -158,7 +167,7 @@ bool Search::listed_effect_remains() const {
   });
 }
 
-bool Search::is_complete() const {
+bool Search::is_complete() {
   return !claims_.empty() && current_.held_out.chi2 < data_.criteria.noise_floor_chi2 &&
          !is_implausible() && !listed_effect_remains();
 }
@@ -275,10 +284,11 @@ bool Search::add_effect() {
   if (add_effect_beside_current()) return true;
   std::optional<FittedCandidate> held = with_instruments_held(current_);
   if (!held) return false;
-  std::swap(current_, *held);
+  FittedCandidate before = current_;
+  set_current(std::move(*held));
   features_ = features_of(current_);
   if (add_effect_beside_current()) return true;
-  current_ = std::move(*held);
+  set_current(std::move(before));
   features_ = features_of(current_);
   return false;
 }
@@ -311,7 +321,7 @@ bool Search::add_contradicted_instrument() {
     });
   };
   const FittedCandidate before = current_;
-  current_ = *with_instruments_held(current_);
+  set_current(*with_instruments_held(current_));
   features_ = features_of(current_);
   std::vector<FittedCandidate> candidates = finalists_beside(current_, features_, wanted);
   if (!candidates.empty()) {
@@ -322,7 +332,7 @@ bool Search::add_contradicted_instrument() {
       return true;
     }
   }
-  current_ = before;
+  set_current(before);
   features_ = features_of(current_);
   return false;
 }
@@ -369,7 +379,7 @@ bool Search::add_with_second(std::vector<FittedCandidate> firsts) {
     }
   }
   claims_.pop_back();
-  current_ = before;
+  set_current(before);
   features_ = features_of(current_);
   return false;
 }
@@ -453,57 +463,54 @@ std::optional<FittedCandidate> Search::without(std::size_t dropped) const {
 }
 
 // The best candidate in place of a claimed effect, where it does better beside the others.
-std::optional<FittedCandidate> Search::better_in_place_of(std::size_t replaced, Claim& claim) {
-  std::optional<FittedCandidate> rest = without(replaced);
-  if (!rest) return std::nullopt;
-  fit_and_score(data_, current_.held_out, {&*rest, 1});
-  if (auto held = with_instruments_held(*rest)) rest = std::move(held);
-  std::vector<FittedCandidate> candidates = finalists_beside(*rest, features_of(*rest));
-  const physics::Tier tier = tier_of(claims_[replaced].candidate);
+std::optional<FittedCandidate> Search::better_in_place_of(const Rest& rest, Claim& claim) {
+  const FittedCandidate base = with_instruments_held(rest.fitted).value_or(rest.fitted);
+  const CandidateEffect& replaced = claims_[rest.dropped].candidate;
+  std::vector<FittedCandidate> candidates = finalists_beside(base, features_of(base));
   std::erase_if(candidates, [&](const FittedCandidate& each) {
-    return each.candidate == claims_[replaced].candidate || tier_of(each.candidate) > tier;
+    return each.candidate == replaced || tier_of(each.candidate) > tier_of(replaced);
   });
   if (candidates.empty()) return std::nullopt;
-  fit_and_score(data_, rest->held_out, candidates);
-  rank_determined(candidates, data_, rest->held_out, seed());
+  fit_and_score(data_, base.held_out, candidates);
+  rank_determined(candidates, data_, base.held_out, seed());
   const FittedCandidate& best = candidates.front();
   for (const FittedCandidate& each : candidates) {
-    add_trial({each.candidate}, claims_.size() - 1, each, rest->held_out);
+    add_trial({each.candidate}, claims_.size() - 1, each, base.held_out);
   }
   if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
   FittedCandidate winner = best;
-  claim = {best.candidate, std::move(candidates), rest->held_out.chi2, winner.held_out.chi2,
-           score_gain(rest->held_out, winner.held_out)};
+  claim = {best.candidate, std::move(candidates), base.held_out.chi2, winner.held_out.chi2,
+           score_gain(base.held_out, winner.held_out)};
   return winner;
 }
 
-// The claims, that which the others need least first.
-std::vector<std::size_t> Search::by_need() const {
-  std::vector<std::pair<double, std::size_t>> need;
+// Without each of the claims, that which the others need least first.
+const std::vector<Search::Rest>& Search::rests() {
+  if (!rests_.empty()) return rests_;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     std::optional<FittedCandidate> rest = without(i);
     if (!rest) continue;
     fit_and_score(data_, current_.held_out, {&*rest, 1});
-    need.emplace_back(rest->total_loss(), i);
+    rests_.push_back({i, std::move(*rest)});
   }
-  std::sort(need.begin(), need.end());
-  std::vector<std::size_t> out;
-  for (const auto& each : need) out.push_back(each.second);
-  return out;
+  std::stable_sort(rests_.begin(), rests_.end(), [](const Rest& a, const Rest& b) {
+    return a.fitted.total_loss() < b.fitted.total_loss();
+  });
+  return rests_;
 }
 
 // An effect that was claimed when others were still missing may have stood in for them: it is
 // replaced by one that gains more beside those found since.
 bool Search::swap_effect() {
   if (claims_.size() < 2 || !may_search()) return false;
-  for (const std::size_t i : by_need()) {
+  for (const Rest& rest : rests()) {
     if (!may_search()) return false;
     Claim claim;
-    const std::optional<FittedCandidate> winner = better_in_place_of(i, claim);
+    const std::optional<FittedCandidate> winner = better_in_place_of(rest, claim);
     if (!winner) continue;
+    claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(rest.dropped));
     continue_from(*winner);
     features_ = features_of(current_);
-    claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
     claim.chi2_after = current_.held_out.chi2;
     claims_.push_back(std::move(claim));
     return true;
@@ -517,23 +524,24 @@ bool Search::is_contradiction(const HeldOut& without_number) const {
   return without_number.prior_penalty - current_.held_out.prior_penalty > 0.5 * most * most;
 }
 
-// Drops an effect that the others do not need: it was claimed first and imitated those found after
-// it.
+// Drops an effect that the others do not need: it was claimed before them and imitated them.
 bool Search::drop_effect(IsNeeded is_needed) {
   report("dropping redundant effects", 0.9);
-  for (std::size_t i = 0; i < claims_.size(); ++i) {
-    std::optional<FittedCandidate> rest = without(i);
-    if (!rest) continue;
-    fit_and_score(data_, current_.held_out, {&*rest, 1});
-    if (auto held = with_instruments_held(*rest)) rest = std::move(held);
-    if ((this->*is_needed)(rest->held_out, current_.held_out, least_gain(i))) continue;
-    if (claims_[i].candidate.is_number() && is_contradiction(rest->held_out)) continue;
-    claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(i));
+  for (const Rest& each : rests()) {
+    const auto is_kept = [&](const FittedCandidate& rest) {
+      return (this->*is_needed)(rest.held_out, current_.held_out, least_gain(each.dropped)) ||
+             (claims_[each.dropped].candidate.is_number() && is_contradiction(rest.held_out));
+    };
+    // An effect that is needed beside free instruments is needed all the more where they are held.
+    if (is_kept(each.fitted)) continue;
+    const FittedCandidate rest = with_instruments_held(each.fitted).value_or(each.fitted);
+    if (is_kept(rest)) continue;
+    claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(each.dropped));
     if (claims_.empty()) {
-      current_ = declared_;
+      set_current(declared_);
       return true;
     }
-    continue_from(*rest);
+    continue_from(rest);
     claims_.front().chi2_before = declared_.held_out.chi2;
     claims_.back().chi2_after = current_.held_out.chi2;
     return true;

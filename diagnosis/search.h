@@ -66,7 +66,7 @@ class Search {
   /// True if the result leaves no more than an explained recording may, where it was selected.
   bool is_explained() const { return is_explained(current_); }
   /// Detection limits beside the result, of listed effects and formulas.
-  Detection detection() const;
+  const Detection& detection();
 
  private:
   void report(const std::string& step, double share) const;
@@ -97,6 +97,7 @@ class Search {
   }
   ResidualFeatures features_of(const FittedCandidate& each) const;
   std::optional<FittedCandidate> with_instruments_held(const FittedCandidate& each) const;
+  void set_current(FittedCandidate next);
   void continue_from(const FittedCandidate& next);
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
 
@@ -114,8 +115,8 @@ class Search {
   bool add_with_second(std::vector<FittedCandidate> firsts);
   std::vector<CandidateEffect> contradicted_instruments() const;
   bool add_contradicted_instrument();
-  bool is_complete() const;
-  bool listed_effect_remains() const;
+  bool is_complete();
+  bool listed_effect_remains();
   void add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
                  const FittedCandidate& each, const HeldOut& before);
   void add_differences(std::vector<FittedCandidate>& candidates) const;
@@ -124,9 +125,14 @@ class Search {
   void fit_finalists(std::vector<FittedCandidate>& candidates);
   bool is_needless(const FittedCandidate& best) const;
 
-  std::vector<std::size_t> by_need() const;
+  // The fit of all claims but one.
+  struct Rest {
+    std::size_t dropped = 0;
+    FittedCandidate fitted;
+  };
+  const std::vector<Rest>& rests();
   bool swap_effect();
-  std::optional<FittedCandidate> better_in_place_of(std::size_t replaced, Claim& claim);
+  std::optional<FittedCandidate> better_in_place_of(const Rest& rest, Claim& claim);
   bool is_contradiction(const HeldOut& without_number) const;
   // Of the loss without an effect and with it: true if more than the least gain is lost.
   using IsNeeded = bool (Search::*)(const HeldOut& without, const HeldOut& with,
@@ -142,6 +148,9 @@ class Search {
   FittedCandidate declared_;
   FittedCandidate current_;
   std::vector<Claim> claims_;
+  // Of the current claims and their fit, once they are needed.
+  std::vector<Rest> rests_;
+  std::optional<Detection> detection_;
   std::vector<Trial> trials_;
   std::vector<FittedCandidate> unclaimed_;
   std::optional<physics::Relation> relation_;

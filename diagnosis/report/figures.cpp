@@ -242,30 +242,11 @@ double median_drive_hz(const Evidence& evidence) {
   return hz.empty() ? 0.0 : median(std::move(hz));
 }
 
-// A drive with a frequency: from window to window it changes little. A move from point to point has
-// none.
-bool is_periodic(const Evidence& evidence) {
-  constexpr double steady = 0.35;
-  const double middle = median_drive_hz(evidence);
-  if (!(middle > 0.0) || evidence.windows.size() < 2) return middle > 0.0;
-  double change = 0.0;
-  double turns = 0.0;
-  double amplitude = 0.0;
-  for (std::size_t i = 0; i < evidence.windows.size(); ++i) {
-    const WindowEvidence& each = evidence.windows[i];
-    turns += each.drive_hz * (each.end_s - each.begin_s);
-    amplitude = std::max(amplitude, each.drive_amplitude);
-    if (i > 0) change += std::abs(each.drive_hz - evidence.windows[i - 1].drive_hz);
-  }
-  change /= static_cast<double>(evidence.windows.size() - 1);
-  return amplitude > 0.0 && turns >= 1.5 && change <= steady * middle;
-}
-
 // Frequencies to mark in spectra.
 std::vector<Mark> known_frequencies(const Diagnosis& d) {
   std::vector<Mark> out;
   const double drive_hz = median_drive_hz(*d.evidence);
-  if (is_periodic(*d.evidence)) out.push_back({drive_hz, "drive"});
+  if (d.evidence->drive_is_periodic) out.push_back({drive_hz, "drive"});
   const auto& own = d.baseline_model.oscillator.natural_frequency_hz;
   if (own && own->value > 0.0) out.push_back({own->value, "oscillator"});
   if (d.baseline_model.load_cell && d.baseline_model.load_cell->natural_frequency_hz.value > 0.0) {
@@ -410,7 +391,7 @@ std::string residual_figures(const Diagnosis& d) {
   const Evidence& evidence = *d.evidence;
   const bool changed = d.augmented.has_value();
   const ResultUnits units(d.model);
-  const bool periodic = is_periodic(evidence);
+  const bool periodic = evidence.drive_is_periodic;
   const auto part = [](const char* title, const std::string& figures) {
     return "<h3>" + std::string(title) + "</h3>\n<div class=\"plots\">\n" + figures + "</div>\n";
   };

@@ -26,8 +26,9 @@ using ::testing::Not;
 
 // Regions of the true model, with its readings modified by `corrupt`.
 template <class Corrupt>
-std::vector<Region> found(double duration_s, std::uint64_t seed, Corrupt&& corrupt) {
-  Experiment e = experiment_of(record(driven_mass(), duration_s, seed), driven_mass());
+std::vector<Region> found(double duration_s, std::uint64_t seed, Corrupt&& corrupt,
+                          const std::function<double(double)>& force = test::swelling_force_n) {
+  Experiment e = experiment_of(record(driven_mass(), duration_s, seed, true, force), driven_mass());
   for (std::size_t k = 0; k < e.samples; ++k) corrupt(e, k, e.reading[k][0]);
   const std::vector<Experiment> experiments = {std::move(e)};
   const Task task = all_windows(experiments);
@@ -83,6 +84,25 @@ TEST(Regions, ReportTheBand) {
   ASSERT_NE(band, nullptr);
   EXPECT_EQ(band->from, 32.0);
   EXPECT_EQ(band->to, 64.0);
+}
+
+TEST(Regions, ReportPhasesOfADriveThatHasAFrequency) {
+  // Noise wherever the drive pushes.
+  const auto corrupt = [](const Experiment& e, std::size_t k, double& reading) {
+    const double force = e.input[k * static_cast<std::size_t>(e.substeps)].drive_force_n;
+    if (force > 0.3) reading += (k * 7919 % 13 < 6 ? 1.0e-4 : -1.0e-4);
+  };
+  EXPECT_NE(first_of(found(32.0, 1, corrupt), Aspect::drive_phase), nullptr);
+  // From point to point: pushes of many lengths, with rests between.
+  const auto moves = [](double t) {
+    const double within = std::fmod(t, 4.1);
+    if (within > 2.9) return 0.0;
+    const double length = 0.15 + 0.3 * std::fmod(std::floor(t / 4.1) * 0.37, 1.0);
+    return std::fmod(within, 2.0 * length) < length ? 0.6 : (within > 1.7 ? 0.0 : -0.6);
+  };
+  const std::vector<Region> regions = found(32.0, 1, corrupt, moves);
+  EXPECT_THAT(regions, Not(IsEmpty()));
+  EXPECT_EQ(first_of(regions, Aspect::drive_phase), nullptr);
 }
 
 TEST(Regions, ReportTheStateOfMotion) {
