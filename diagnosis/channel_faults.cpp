@@ -651,7 +651,7 @@ std::optional<std::string> balance_fault(const Stretch& s, const Model& model) {
   try_exchanges(forces, s, model, margin, best);
   if (best.words.empty()) return std::nullopt;
   return best.words + ". As recorded, " + number(100.0 * as_recorded) +
-         " % of the power of the forces on the mass is out of balance, otherwise " +
+         " % of the power of the forces on the mass is unbalanced; corrected, " +
          number(100.0 * best.imbalance) + " %";
 }
 

@@ -229,11 +229,12 @@ void add_remarks(const ChannelIntegrity& c, std::size_t frames, const Criteria& 
   }
   if (c.mains) {
     const bool seen_elsewhere = std::abs(c.mains->frequency_hz - c.mains_hz) > 1.0;
-    remarks.push_back(
-        name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
-        printed(" at %.2f Hz", c.mains->frequency_hz) +
-        (seen_elsewhere ? printed(", where %.0f Hz appear at this rate", c.mains_hz) : "") +
-        ": look for a ground loop");
+    remarks.push_back(name + printed(" contains a mains line of %.3g ", c.mains->amplitude) + unit +
+                      printed(" at %.2f Hz", c.mains->frequency_hz) +
+                      (seen_elsewhere
+                           ? printed(", the alias of %.0f Hz at this sampling rate", c.mains_hz)
+                           : "") +
+                      ": look for a ground loop");
   }
 }
 

@@ -62,8 +62,8 @@ std::optional<std::string> mains_source(double hz, double tolerance_hz, double s
       const double appears = apparent_hz(nominal, 1.0 / sampling_hz);
       const double tolerance = tolerance_hz + mains_deviation * nominal;
       if (tolerance > 1.0 || std::abs(hz - appears) > tolerance) continue;
-      return "Sampled at " + number_text(sampling_hz, 4) + " Hz, the mains' " +
-             number_text(nominal) + " Hz appear there.";
+      return "It is the alias of the mains' " + number_text(nominal) + " Hz, sampled at " +
+             number_text(sampling_hz, 4) + " Hz.";
     }
   }
   return std::nullopt;

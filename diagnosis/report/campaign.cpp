@@ -192,7 +192,7 @@ std::string campaign_text(const Diagnosis& d) {
     }
   }
   for (const HeldOutRecording& each : result.held_out) {
-    text << "    held out, " << result.campaign.runs[each.recording].name << ": RMS error "
+    text << "    held out, " << result.campaign.runs[each.recording].name << ": RMS error up to "
          << number_text(d.horizon_s) << physics::ResultUnits(d.model).after_number("s") << " ahead";
     for (std::size_t c = 0; c < predicted_channels; ++c) {
       if (!each.baseline.rmse[c]) continue;

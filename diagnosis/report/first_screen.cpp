@@ -37,8 +37,8 @@ std::string first_parameter(const Finding& finding, const ResultUnits& units) {
 std::string findings_answer(const Diagnosis& d) {
   if (d.findings.empty()) {
     return escape_html(d.verdict == Verdict::consistent
-                           ? "Nothing. No effect of the catalogue improves the prediction of the "
-                             "recording."
+                           ? "None found. No effect that was tested improves the prediction "
+                             "significantly."
                            : "Not known. No effect of the catalogue explains the difference.");
   }
   std::string out;
@@ -57,7 +57,7 @@ std::string where_answer(const Diagnosis& d) {
   std::string out = escape_html(plain_text(d.location->statement));
   for (const Region& worst : d.location->regions) {
     if (d.location->channel && worst.channel != *d.location->channel) continue;
-    out += escape_html(" Largest residual: " + channel_name(worst.channel) + " " +
+    out += escape_html(" Most significant: " + channel_name(worst.channel) + " " +
                        plain_text(worst.words) + ", " + format_number(std::sqrt(worst.energy)) +
                        " times the noise (elsewhere " +
                        format_number(std::sqrt(worst.energy_outside)) + ").");
@@ -101,7 +101,7 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
   const Trial* trial = trial_of(d, finding);
   if (trial != nullptr && trial->stage == 0 && trial->gain_z > 0.0) {
     const std::string errors = format_number(trial->gain_z, 2) + " standard errors over the " +
-                               std::to_string(d.windows.select) + " windows that select";
+                               std::to_string(d.windows.select) + " selection windows";
     out += escape_html(trial->gain_z < significant_gain_z
                            ? " Its gain alone, " + errors + ", is not significant."
                            : " It improves the prediction by " + errors + ".");

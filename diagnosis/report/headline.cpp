@@ -152,8 +152,8 @@ std::string headline_of(const Diagnosis& d) {
   const std::string recording = several ? "recordings" : "recording";
   switch (answer_of(d)) {
     case Answer::consistent:
-      return "No missing physics: the model explains the " + recording + " to within the noise." +
-             plain_text(noise_level_text(d));
+      return "No missing physics found: the model explains the " + recording +
+             " to within the noise." + plain_text(noise_level_text(d));
     case Answer::unexplained:
       return d.findings.empty()
                  ? "The model and the " + recording +

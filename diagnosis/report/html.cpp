@@ -41,7 +41,7 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
 }
 
 std::string score_table(const Finding& finding) {
-  Table table("Score on the windows that select, with its standard error.",
+  Table table("Score on the selection windows, with its standard error.",
               {"quantity", "without the finding", "with it"});
   table.row({"chi-squared per sample", format_number(finding.chi2_before),
              format_number(finding.chi2_after)});
@@ -82,7 +82,7 @@ Section findings_section(const Diagnosis& d) {
                        format_number(finding.when_s->second) + units.after_number("s") + ".");
     }
     out += paragraph(
-        "Chi-squared per sample on the windows that select: " + format_number(finding.chi2_before) +
+        "Chi-squared per sample on the selection windows: " + format_number(finding.chi2_before) +
         " \u2192 " + format_number(finding.chi2_after) + ", a gain of " +
         format_number(finding.gain.value) + " \u00b1 " + format_number(finding.gain.se) + " nat.");
     out += score_table(finding);
@@ -130,7 +130,7 @@ Section stretch_section(const Diagnosis& d) {
       evidence_remark(d));
   out += figures;
   Table table("Mean square of the residuals of the declared model over that of the noise.",
-              {"windows", "residual"});
+              {"windows", "chi-squared per sample"});
   table.row({"worst, shown", format_number(evidence.worst.before)});
   if (has_typical) table.row({"typical, shown", format_number(evidence.typical.before)});
   table.row({"median of single windows", format_number(evidence.median)});
@@ -146,7 +146,7 @@ std::string region_table(const Diagnosis& d) {
       "Conditions under which the residuals of the declared model are larger than elsewhere: "
       "RMS residual over noise. False discovery rate at most 5 % (Benjamini-Yekutieli, block "
       "bootstrap over windows).",
-      {"channel", "condition", "residual", "elsewhere"});
+      {"channel", "condition", "RMS residual / noise", "elsewhere"});
   for (std::size_t i = 0; i < std::min(most, regions.size()); ++i) {
     table.row({escape_html(channel_name(regions[i].channel)),
                escape_html(plain_text(regions[i].words)),
@@ -186,7 +186,7 @@ Section residual_section(const Diagnosis& d) {
   const std::string figures = residual_figures(d);
   if (!figures.empty()) {
     out += paragraph(
-        "Residual: recording minus simulation, divided by the noise of the channel; 1 is noise "
+        "Shown: recording minus simulation, divided by the noise of the channel; 1 is noise "
         "only. The figures show all windows, fitted and held out." +
         evidence_remark(d));
     out += figures;
@@ -257,6 +257,17 @@ Section calibration_section(const Diagnosis& d) {
   return out;
 }
 
+const char* noise_source(const Diagnosis& d, Channel channel) {
+  const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
+                         d.noise_estimated.end();
+  if (estimated) return "estimated from the recording";
+  const bool contradicted =
+      std::any_of(d.noise.begin(), d.noise.end(), [channel](const Noise& each) {
+        return each.channel == channel && each.source == Noise::Source::contradicted;
+      });
+  return contradicted ? "found; the model declares another" : "declared by the model";
+}
+
 Section noise_section(const Diagnosis& d) {
   Section out("noise", "Noise floor");
   if (d.noise_std.empty()) return out;
@@ -264,12 +275,10 @@ Section noise_section(const Diagnosis& d) {
   if (!d.noise_level.empty()) headings.emplace_back("found / expected");
   Table table("Standard deviation of the measurement noise.", headings);
   for (const auto& [channel, value] : d.noise_std) {
-    const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
-                           d.noise_estimated.end();
     std::vector<std::string> cells = {
         escape_html(channel_name(channel)),
         format_quantity(value, ResultUnits(d.model).of(info(channel).unit)),
-        estimated ? "estimated from the recording" : "declared by the model"};
+        noise_source(d, channel)};
     for (const auto& [changed, level] : d.noise_level) {
       if (changed == channel) cells.push_back(physics::number_text(level));
     }
@@ -299,7 +308,7 @@ Section trial_section(const Diagnosis& d) {
       "are fitted roughly, and the best of those fully. Among candidates of similar chi-squared "
       "the simpler and the listed ones are preferred.");
   Table table(
-      "Fully fitted candidates by chi-squared per sample on the windows that select (1: noise "
+      "Fully fitted candidates by chi-squared per sample on the selection windows (1: noise "
       "only). Gain: "
       "improvement of the prediction, in standard errors over the windows.",
       {"candidate", "name", "added to", "chi-squared", "gain"});

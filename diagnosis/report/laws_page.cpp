@@ -75,9 +75,9 @@ std::string meaning_of_score(const LawComparison& comparison) {
   return std::string(comparison.noise_is_known
                          ? "Score: log predictive density of windows that nothing was fitted to, "
                            "less that of the first law [nat], with its standard error over windows."
-                         : "Score: that of predictions ahead in windows that nothing was fitted "
-                           "to, less that of the first law, with its standard error over windows; "
-                           "the noise is not known.") +
+                         : "Score: log likelihood of predictions in windows that nothing was "
+                           "fitted to, less that of the first law [nat], with its standard error "
+                           "over windows; the noise is not known.") +
          (determined ? "" : " Laws that the recording does not determine come last.");
 }
 

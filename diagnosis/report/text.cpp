@@ -69,7 +69,7 @@ void add_location(std::ostringstream& text, const Location& location) {
 
 std::string formula_text(const Estimate& estimate) {
   if (!(estimate.formula_uncertainty > 0.0)) return "";
-  return "; the formula itself +/- " + number_text(estimate.formula_uncertainty);
+  return "; formula error " + number_text(estimate.formula_uncertainty) + ", 1 SD";
 }
 
 // The effects that score better than the finding, and why they are not it.
@@ -90,7 +90,7 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
   text << "       score gain " << number_text(finding.gain.value) << " +/- "
        << number_text(finding.gain.se) << " nat, chi-squared per sample "
        << number_text(finding.chi2_before) << " -> " << number_text(finding.chi2_after)
-       << " on the windows that select; probability among the candidates "
+       << " on the selection windows; probability among the candidates "
        << percent(finding.probability) << "\n";
   add_preference(text, finding);
   for (const Alternative& each : finding.alternatives) {
@@ -103,7 +103,7 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
 }
 
 void add_fit(std::ostringstream& text, const Diagnosis& d) {
-  text << "  Held-out fit: RMS error of predictions " << number_text(d.horizon_s)
+  text << "  Held-out fit: RMS prediction error up to " << number_text(d.horizon_s)
        << ResultUnits(d.model).after_number("s") << " ahead\n";
   for (std::size_t c = 0; c < predicted_channels; ++c) {
     if (!d.baseline.rmse[c]) continue;
@@ -118,7 +118,7 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   text << "  Held-out chi-squared per sample: " << number_text(d.baseline.chi2_per_sample);
   if (d.augmented) text << " -> " << number_text(d.augmented->chi2_per_sample);
   text << "  (1: noise only; " << physics::counted(d.windows.fit, "window") << " to fit, "
-       << d.windows.select << " to select, " << d.windows.report << " held out until then)\n";
+       << d.windows.select << " for selection, " << d.windows.report << " held out throughout)\n";
   if (d.verdict != Verdict::consistent && !d.noise_level.empty()) {
     text << " " << noise_level_text(d) << "\n";
   }
@@ -182,7 +182,7 @@ void add_detection_limits(std::ostringstream& text, const Detection& detection) 
 }
 
 void add_trials(std::ostringstream& text, const Diagnosis& d) {
-  text << "  Candidates fitted (chi-squared on the windows that select):";
+  text << "  Candidates fitted (chi-squared on the selection windows):";
   int stage = 0;
   for (const Trial& trial : d.trials) {
     if (trial.stage != stage) {

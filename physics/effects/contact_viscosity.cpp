@@ -26,8 +26,7 @@ constexpr Card entry = {
     .id = "contact_viscosity",
     .relation = Relation::friction_law,
     .name = "viscous contact",
-    .sentence =
-        "Friction grows (or falls) in proportion to the slip speed: the contact is lubricated.",
+    .sentence = "Friction changes linearly with the slip speed, as in a lubricated contact.",
     .equation = "mu (1 + slope_s_m abs(v))",
     .parameters = parameters,
     .experiment = "a wide range of slip speeds",

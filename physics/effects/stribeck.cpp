@@ -57,7 +57,7 @@ class Stribeck final : public EffectOf<Stribeck> {
   }
   std::string statement(std::span<const double> p) const override {
     return "Friction depends on the speed (Stribeck): at rest it is " + number_text(p[0]) +
-           " times the kinetic level, and the excess vanishes above about " + number_text(p[1]) +
+           " times the kinetic level, and the excess falls to 1/e at " + number_text(p[1]) +
            " m/s.";
   }
 

@@ -563,14 +563,14 @@ test("a server that says nothing greys every state within a second or so, counti
     feed.event(0, "model_follows", "the rig follows its model");
   });
   await until(page, () => stickslip.state().fresh);
-  const fresh = [["running", "good"], ["amplifier on", "good"], ["recording", "good"], ["model follows", "good"], ["connected", "good"]];
+  const fresh = [["running", "good"], ["amplifier on", "good"], ["recording", "good"], ["rig follows model", "good"], ["connected", "good"]];
   assert.deepEqual(await chips(page), fresh);
   // Heartbeats alone, without frames, keep the link and, with a status each second, the states.
   await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 0.3 }; });
   await until(page, () => document.querySelector("#link-chip").textContent === "connected, no frames");
   assert.deepEqual((await chips(page)).slice(0, 4), fresh.slice(0, 4));
   // A status from before the silence says nothing of now.
-  const was = [["was: running", "unknown"], ["was: amplifier on", "unknown"], ["was: recording", "unknown"], ["was: model follows", "unknown"]];
+  const was = [["was: running", "unknown"], ["was: amplifier on", "unknown"], ["was: recording", "unknown"], ["was: rig follows model", "unknown"]];
   await page.evaluate(() => { feed.beat = { connected: false, silent_s: 4, status_s: 4.2 }; });
   await until(page, () => !stickslip.state().fresh);
   assert.deepEqual((await chips(page)).slice(0, 4), was);

@@ -148,7 +148,7 @@ TEST(Integrity, NamesTheMainsFrequencyBehindAnAlias) {
   ASSERT_TRUE(found.channels[0].mains);  // at 71.4 Hz
   EXPECT_NEAR(found.channels[0].mains->frequency_hz, rate_hz / 7.0 - 50.0, 0.05);
   EXPECT_EQ(found.channels[0].mains_hz, 50.0);
-  EXPECT_THAT(found.remarks[0], HasSubstr("where 50 Hz appear at this rate"));
+  EXPECT_THAT(found.remarks[0], HasSubstr("the alias of 50 Hz at this sampling rate"));
 }
 
 TEST(Integrity, AHarmonicOfTheDriveIsNotMains) {

@@ -15,7 +15,7 @@ TEST(LineSource, NamesTheMainsWithinTheirDeviation) {
 
 TEST(LineSource, NamesMainsThatSamplingHasMoved) {
   EXPECT_EQ(source_of_line(10.2, 0.01, {.drive_hz = 3.7, .sampling_hz = 60.2}),
-            "Sampled at 60.2 Hz, the mains' 50 Hz appear there.");
+            "It is the alias of the mains' 50 Hz, sampled at 60.2 Hz.");
 }
 
 TEST(LineSource, NamesHarmonicsOfTheDriveAndOfOtherTones) {

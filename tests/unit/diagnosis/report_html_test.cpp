@@ -228,7 +228,7 @@ TEST(ReportHtml, FirstScreenHasTheNumbersOfTheDiagnosis) {
   for (const char* part :
        {"9.50 \u2192 1.02", "123\u00a0\u00b5m \u2192 21.9\u00a0\u00b5m", "up to 0.4\u00a0s ahead",
         "<b>90\u00a0%</b>", "end stop (10\u00a0%)", "700</span>", "680 to 720",
-        "700</span>\u00a0N/m\u00b3", "7.5 standard errors over the 9 windows that select",
+        "700</span>\u00a0N/m\u00b3", "7.5 standard errors over the 9 selection windows",
         "4.00 times the noise", "elsewhere 1.00"}) {
     EXPECT_THAT(top, HasSubstr(part));
   }
@@ -340,7 +340,7 @@ TEST(ReportHtml, AGainWithinItsStandardErrorIsNotSignificant) {
   EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("not significant")));
   d.trials.front().gain_z = 0.35;
   const std::string page = report_html(d, provenance());
-  EXPECT_THAT(first_screen_of(page), HasSubstr("0.35 standard errors over the 9 windows"));
+  EXPECT_THAT(first_screen_of(page), HasSubstr("0.35 standard errors over the 9 selection windows"));
   EXPECT_THAT(first_screen_of(page), HasSubstr("is not significant"));
   EXPECT_THAT(first_screen_of(page), Not(HasSubstr("improves the prediction")));
   EXPECT_THAT(page, HasSubstr("0.35, not significant"));
@@ -377,8 +377,7 @@ TEST(ReportHtml, PicturesOfAPeriodicDriveNeedOne) {
   Diagnosis d = confident();
   EXPECT_THAT(report_html(d, provenance()),
               AllOf(HasSubstr("By phase of the excitation"), HasSubstr("By operating condition")));
-  // From point to point: no window has the frequency of its neighbour.
-  d.evidence->windows[1].drive_hz = 11.0;
+  d.evidence->drive_is_periodic = false;  // a move from point to point
   const std::string page = report_html(d, provenance());
   EXPECT_THAT(page, AllOf(Not(HasSubstr("phase of the excitation")),
                           Not(HasSubstr("perating condition")), HasSubstr("By frequency")));

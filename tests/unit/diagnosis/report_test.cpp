@@ -210,7 +210,7 @@ TEST(ReportText, SaysWhatAFindingWasPreferredTo) {
               HasSubstr("score gain 812 +/- 33 nat, chi-squared per sample"));
   EXPECT_THAT(report_text(ambiguous()),
               HasSubstr("preferred, as the simpler or the listed one, to stribeck, which scores"));
-  EXPECT_THAT(report_text(ambiguous()), HasSubstr("21; the formula itself +/- 0.6)"));
+  EXPECT_THAT(report_text(ambiguous()), HasSubstr("21; formula error 0.6, 1 SD)"));
 }
 
 TEST(ReportText, BeginsWithTheVerdict) {

@@ -191,7 +191,7 @@ export class RigState {
     const line = byId("verdict");
     setText(line, `${broken ? "✕" : "●"} ${sentence(event.message)}`);
     setState(line, broken ? "bad" : "good");
-    this.#setChip("verdict", broken ? "model broken" : "model follows", broken ? "bad" : "good");
+    this.#setChip("verdict", broken ? "rig deviates" : "rig follows model", broken ? "bad" : "good");
   }
 
   // Belongs to the preceding alarm.
