@@ -340,7 +340,8 @@ TEST(ReportHtml, AGainWithinItsStandardErrorIsNotSignificant) {
   EXPECT_THAT(report_html(d, provenance()), Not(HasSubstr("not significant")));
   d.trials.front().gain_z = 0.35;
   const std::string page = report_html(d, provenance());
-  EXPECT_THAT(first_screen_of(page), HasSubstr("0.35 standard errors over the 9 selection windows"));
+  EXPECT_THAT(first_screen_of(page),
+              HasSubstr("0.35 standard errors over the 9 selection windows"));
   EXPECT_THAT(first_screen_of(page), HasSubstr("is not significant"));
   EXPECT_THAT(first_screen_of(page), Not(HasSubstr("improves the prediction")));
   EXPECT_THAT(page, HasSubstr("0.35, not significant"));
