@@ -89,6 +89,13 @@ bool is_alike(const OverWindows& level, double freedom) {
   return level.mean - level.middle / skew < certain * std::sqrt(2.5) * level.error;
 }
 
+// True if the levels scatter over the windows by no more than chi-squared does, but for chance.
+// Those of a misfit scatter by more: their mean is then as uncertain as it is wrong.
+bool scatters_as_noise(const OverWindows& level, double chance, double windows) {
+  constexpr double error_of_scatter = 1.167;  // of the median absolute deviation, times sqrt(n)
+  return level.error < chance * (1.0 + certain * error_of_scatter / std::sqrt(windows));
+}
+
 }  // namespace
 
 NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
@@ -108,14 +115,15 @@ NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span
   const double windows = static_cast<double>(by_window.size());
   const double off = fitted.chi2_per_sample() - 1.0;
   const double of_level = estimated ? std::expm1(criteria.confirmed_noise_log) : 0.0;
-  const double chance = std::max(level.error, std::sqrt(2.0 / all_freedom));
+  const double of_noise = std::sqrt(2.0 / all_freedom);
+  const double chance = std::max(level.error, of_noise);
   const bool is_expected = std::abs(off) <= certain * chance + of_level;
   const bool is_above = off > 0.0 && !is_expected;
   const bool alike = is_alike(level, all_freedom / windows);
   if (is_above && !alike) return {};
   const ByChannel residuals = channel_residuals(task, hypothesis, z, fitted);
   NoiseCheck out;
-  out.is_expected_noise = is_expected && alike;
+  out.is_expected_noise = is_expected && alike && scatters_as_noise(level, of_noise, windows);
   for (const Channel channel : all_channels) {
     if (index_of(channel) >= predicted_channels) continue;
     const ChannelResiduals& each = residuals[index_of(channel)];

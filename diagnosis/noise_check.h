@@ -21,8 +21,8 @@ struct NoiseCheck {
   /// True if chi-squared per sample is 1 within its uncertainty, or if what is left is noise of
   /// another level: alike in all windows, and no sample follows its predecessor.
   bool is_noise = false;
-  /// True if, besides, the level is the expected one, alike in all windows, and no sample follows
-  /// its predecessor.
+  /// True if, besides, the level is the expected one, alike in all windows up to the scatter of
+  /// noise, and no sample follows its predecessor.
   bool is_expected_noise = false;
   /// Of every compared channel, if it is noise.
   std::vector<NoiseLevel> level;

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
+#include <random>
+#include <utility>
 
 #include "diagnosis/noise_score.h"
 #include "tests/unit/diagnosis/bench.h"
@@ -61,6 +64,28 @@ TEST(NoiseCheck, TakesNoMisfitForNoise) {
   EXPECT_FALSE(checked(with_term(driven_mass(), "force_episode",
                                  {{"force_n", {0.1}}, {"begin_s", {11.0}}, {"end_s", {12.0}}}))
                    .is_noise);
+}
+
+// The mean level is the expected one, but noise would scatter by less over the windows.
+TEST(NoiseCheck, TakesNoScatteredMisfitForNoiseAsExpected) {
+  Experiment e = experiment_of(record(driven_mass(), 24.0), driven_mass());
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> error(0.0, 4.4e-5);
+  for (std::size_t w = 0; w < e.windows.size(); w += 2) {
+    for (std::size_t k = e.windows[w].begin; k < e.windows[w].end; ++k) {
+      e.reading[k][0] += error(random);
+    }
+  }
+  const std::vector<Experiment> experiments{std::move(e)};
+  Task task = all_windows(experiments);
+  task.sigma[0] = std::hypot(2.0e-5, 4.4e-5 / std::numbers::sqrt2);
+  const Hypothesis hypothesis(driven_mass());
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  const NoiseCheck got = noise_check(task, hypothesis, z, false, {});
+  EXPECT_TRUE(got.is_noise);
+  EXPECT_NEAR(got.level.at(0).level, 1.0, 0.1);
+  EXPECT_FALSE(got.is_expected_noise);
+  EXPECT_TRUE(checked(driven_mass()).is_expected_noise);
 }
 
 // The loss of 24 s with a slow error of that size [m] if the noise is taken for white, less that if
