@@ -83,6 +83,7 @@ FitOptions fit_of(int iterations) {
   options.iterations = iterations;
   options.tolerance = 1.0e-3;
   options.covariance = false;
+  options.start_anew = false;  // checks follow one another: the last states are near
   return options;
 }
 

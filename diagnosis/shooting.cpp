@@ -233,7 +233,7 @@ class JointFit {
         blocks_(task.windows.size()) {}
 
   Fit run() && {
-    if (options_.multistart) start_anew(task_, hypothesis_, z_, states_);
+    if (options_.multistart && options_.start_anew) start_anew(task_, hypothesis_, z_, states_);
     linearise();
     cost_ = total_cost(blocks_) + problem_.parameter_prior(z_);
     descend();

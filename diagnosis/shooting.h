@@ -109,6 +109,9 @@ struct FitOptions {
   int own_steps = 4;
   bool covariance = true;  ///< false: Fit::covariance is not needed
   bool multistart = true;  ///< windows that fit much worse than most are started elsewhere
+  /// With multistart: a window begins with the better of the given states and those of a fit from
+  /// the first guesses. Costs as much as a fit of the states.
+  bool start_anew = true;
 };
 
 /// First guesses of the window states from the experiment's wide-band channels.
