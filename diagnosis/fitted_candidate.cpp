@@ -112,7 +112,7 @@ std::string statement_of(const FittedCandidate& each) {
   if (each.candidate.is_number() && !differences.empty()) return differences;
   const std::vector<double> values = own_parameters(each);
   if (!each.candidate.is_number()) {
-    const std::string words = each.candidate.effect->statement(values);
+    const std::string words = each.candidate.effect->statement(values, each.candidate.place);
     return differences.empty() ? words : words + " " + differences;
   }
   const std::size_t index = index_of_number(*each.hypothesis, each.candidate.parameter);

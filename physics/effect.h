@@ -18,6 +18,7 @@
 
 #include "physics/dual.h"
 #include "physics/model.h"
+#include "physics/place.h"
 
 namespace stickslip::physics {
 
@@ -97,14 +98,6 @@ struct Card {
   bool law = false;
   /// Ids of the effects that a law has in it, which a model with that law cannot lack.
   std::span<const std::string_view> includes = {};
-};
-
-/// The channels on which a sensor effect acts; empty for other relations.
-struct Place {
-  std::optional<Channel> channel;  ///< the channel with the sensor error
-  std::optional<Channel> from;     ///< source channel, crosstalk only
-
-  friend bool operator==(const Place&, const Place&) = default;
 };
 
 /// A spectral line of what a model leaves unexplained: amplitude sin(2 pi f t + phase).
@@ -312,8 +305,9 @@ class Effect {
   /// Fixed parameters (those with a default on the card) as this recording suggests them.
   virtual std::vector<double> fixed(const Scales& /*scales*/) const { return {}; }
 
-  /// A sentence with numbers, for a report. `parameters` in the order of the card.
-  virtual std::string statement(std::span<const double> parameters) const = 0;
+  /// A sentence with numbers and units, for a report. `parameters` in the order of the card;
+  /// `place`: the channels of a sensor effect.
+  virtual std::string statement(std::span<const double> parameters, const Place& place) const = 0;
 
   /// Curves of an effect that replaces a law of the model; empty: the report plots the term itself.
   /// Ranges follow from `reference`, so that curves of similar `parameters` share their abscissae.

@@ -377,7 +377,7 @@ std::vector<std::vector<double>> FormulaEffect::starts(const Scales& /*scales*/)
   return out;
 }
 
-std::string FormulaEffect::statement(std::span<const double> p) const {
+std::string FormulaEffect::statement(std::span<const double> p, const Place& /*place*/) const {
   std::string text = "The formula " + declaration_.id + " is part of the physics: " + equation_;
   for (std::size_t i = 0; i < parameters_.size(); ++i) {
     text +=

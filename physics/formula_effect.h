@@ -94,7 +94,7 @@ class FormulaEffect final : public EffectOf<FormulaEffect>,
     return place.channel == declaration_.channel && !place.from;
   }
   std::vector<std::vector<double>> starts(const Scales& scales) const override;
-  std::string statement(std::span<const double> p) const override;
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override;
   unsigned hooks() const override;
   int state_count() const override { return static_cast<int>(rates_.size()); }
   StateSize state_size(int index, std::span<const double> p, const Scales& scales) const override;

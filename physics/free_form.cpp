@@ -131,7 +131,7 @@ std::vector<std::vector<double>> FreeForm::starts(const Scales& scales) const {
   return {start};
 }
 
-std::string FreeForm::statement(std::span<const double> p) const {
+std::string FreeForm::statement(std::span<const double> p, const Place& /*place*/) const {
   const auto [low, high] = std::minmax_element(p.begin(), p.begin() + knots);
   return std::string(card_.sentence.substr(0, card_.sentence.size() - 1)) + ": from " +
          number_text(*low) + " to " + number_text(*high) +

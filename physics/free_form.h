@@ -35,7 +35,7 @@ class FreeForm final : public EffectOf<FreeForm> {
   const Card& card() const override { return card_; }
   bool can_be_missing_from(const Model& model) const override;
   std::vector<std::vector<double>> starts(const Scales& scales) const override;
-  std::string statement(std::span<const double> p) const override;
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override;
   unsigned hooks() const override;
 
   template <class T>

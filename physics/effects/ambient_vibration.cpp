@@ -81,7 +81,7 @@ class AmbientVibration final : public EffectOf<AmbientVibration> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     const double second = std::hypot(p[3], p[4]);
     return "A force of " + number_text(p[1]) + " N at " + number_text(p[0]) + " Hz" +
            (second > 0.02 ? ", with a second harmonic of " + number_text(100.0 * second) + " %,"

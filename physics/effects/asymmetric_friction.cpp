@@ -45,7 +45,7 @@ class AsymmetricFriction final : public EffectOf<AsymmetricFriction> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction depends on the direction of sliding: " + number_text(100.0 * std::abs(p[0])) +
            (p[0] > 0.0 ? " % above its mean for v > 0 and as much below it for v < 0."
                        : " % above its mean for v < 0 and as much below it for v > 0.");

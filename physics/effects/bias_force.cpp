@@ -39,7 +39,7 @@ class BiasForce final : public EffectOf<BiasForce> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "A constant force of " + number_text(p[0]) +
            " N acts on the mass (tilt, cable, magnet).";
   }

@@ -49,9 +49,9 @@ class BridgeNonlinearity final : public EffectOf<BridgeNonlinearity> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The channel is nonlinear: its gain changes by " + number_text(100.0 * p[0]) +
-           " % per unit of the reading.";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The " + channel_words(place.channel) + " is nonlinear: its gain changes by " +
+           number_text(100.0 * p[0]) + " % at a reading of " + reading_text(1.0, place) + ".";
   }
 
   unsigned hooks() const override { return hook::reading; }

@@ -39,8 +39,9 @@ class ChannelDelay final : public EffectOf<ChannelDelay> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{std::max(0.002, scales.sample_period_s)}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The channel is delayed by " + number_text(1.0e3 * p[0]) + " ms.";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The " + channel_words(place.channel) + " is delayed by " + number_text(1.0e3 * p[0]) +
+           " ms.";
   }
 
   unsigned hooks() const override { return hook::reading; }

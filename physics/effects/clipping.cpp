@@ -42,8 +42,9 @@ class Clipping final : public EffectOf<Clipping> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{0.98 * scales.channel.largest}, {scales.channel.pile}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The channel saturates at " + number_text(p[0]) + ".";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The " + channel_words(place.channel) + " saturates at " + reading_text(p[0], place) +
+           ".";
   }
 
   unsigned hooks() const override { return hook::reading; }

@@ -79,7 +79,7 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The contact deflects elastically before it slips, with a tangential stiffness of " +
            number_text(p[0]) + " N/m.";
   }

@@ -47,7 +47,7 @@ class ContactViscosity final : public EffectOf<ContactViscosity> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction changes with the slip speed, by " + number_text(100.0 * p[0]) + " % per m/s.";
   }
 

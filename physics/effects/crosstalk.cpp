@@ -43,8 +43,10 @@ class Crosstalk final : public EffectOf<Crosstalk> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The channel picks up another one, with a coefficient of " + number_text(p[0]) + ".";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The " + channel_words(place.channel) + " picks up " +
+           (place.from ? "the " + channel_words(place.from) : "another one") +
+           ", with a coefficient of " + number_text(p[0]) + ".";
   }
 
   unsigned hooks() const override { return hook::reading; }

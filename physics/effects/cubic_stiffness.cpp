@@ -44,7 +44,7 @@ class CubicStiffness final : public EffectOf<CubicStiffness> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return std::string("The spring ") + (p[0] > 0.0 ? "hardens" : "softens") +
            " with deflection: a force k3 x^3 with k3 = " + number_text(p[0]) + " N/m3.";
   }

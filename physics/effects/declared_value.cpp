@@ -39,7 +39,7 @@ class DeclaredValue final : public EffectOf<DeclaredValue> {
 
   bool can_be_missing_from(const Model& /*model*/) const override { return false; }
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override { return {}; }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "A number of the model is " + number_text(p[0]) + ".";
   }
   unsigned hooks() const override { return 0; }

@@ -43,7 +43,7 @@ class DifferentiatorLag final : public EffectOf<DifferentiatorLag> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{100.0}, {30.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The velocity lags behind the displacement: its differentiator rolls off at " +
            number_text(p[0]) + " Hz.";
   }

@@ -65,7 +65,7 @@ class DryFriction final : public EffectOf<DryFriction> {
   std::vector<double> fixed(const Scales& scales) const override {
     return {0.02 * scales.velocity_m_s};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Dry friction opposes the motion with a force of " + number_text(p[0]) +
            " N, independent of the speed.";
   }

@@ -75,7 +75,7 @@ class DwellStrengthening final : public EffectOf<DwellStrengthening> {
     const double length = 2.0e-3 * scales.velocity_m_s;
     return {{0.1, 0.01, stuck, length}, {0.1, 0.1, stuck, length}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The contact strengthens at rest: break-away friction grows by " +
            number_text(100.0 * p[0]) + " % per e-fold of the time at rest beyond " +
            number_text(p[1]) + " s.";

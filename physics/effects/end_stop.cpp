@@ -82,7 +82,7 @@ class EndStop final : public EffectOf<EndStop> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     const char* where =
         p[2] > 0.5 ? "on the +x side" : (p[2] < -0.5 ? "on the -x side" : "on both sides");
     return "The mass hits a stop " + std::string(where) + " after " + number_text(1.0e3 * p[0]) +

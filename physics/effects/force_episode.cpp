@@ -47,7 +47,7 @@ class ForceEpisode final : public EffectOf<ForceEpisode> {
       starts.push_back({0.02 * scales.force_n, begin, end});
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "From " + number_text(p[1]) + " s to " + number_text(p[2]) + " s a force of " +
            number_text(p[0]) + " N acts on the mass.";
   }

@@ -51,7 +51,7 @@ class FrictionDrift final : public EffectOf<FrictionDrift> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{0.0, 5.0 * scales.duration_s}, {0.0, 0.3 * scales.duration_s}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The coefficient of friction drifts by " + number_text(100.0 * p[0]) +
            " % of its initial value per second initially, with a time constant of " +
            number_text(p[1]) + " s.";

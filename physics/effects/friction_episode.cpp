@@ -47,7 +47,7 @@ class FrictionEpisode final : public EffectOf<FrictionEpisode> {
     for (const auto& [begin, end] : scales.episodes_s) starts.push_back({0.02, begin, end});
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "From " + number_text(p[1]) + " s to " + number_text(p[2]) + " s friction differs by " +
            number_text(100.0 * p[0]) + " %.";
   }

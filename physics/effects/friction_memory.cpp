@@ -66,7 +66,7 @@ class FrictionMemory final : public EffectOf<FrictionMemory> {
     const double fastest = 0.5 / scales.sample_period_s;
     return {{std::min(30.0, fastest), 0.3}, {std::min(200.0, fastest), 0.3}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction has a memory: it relaxes towards its law with rate gamma = " +
            number_text(p[0]) + " 1/s instead of following the velocity immediately.";
   }

@@ -39,8 +39,9 @@ class GainError final : public EffectOf<GainError> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{1.0}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The channel reads " + number_text(p[0]) + " times the true value.";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The " + channel_words(place.channel) + " reads " + number_text(p[0]) +
+           " times the true value.";
   }
 
   unsigned hooks() const override { return hook::reading; }

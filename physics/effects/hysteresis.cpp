@@ -87,7 +87,7 @@ class Hysteresis final : public EffectOf<Hysteresis> {
             {2.0 * k, 0.1 * f, 0.0, 1.0},
             {0.3 * k, 0.2 * f, -1.0, 1.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The structure is hysteretic: part of its spring, " + number_text(p[0]) +
            " N/m, slips at " + number_text(p[1]) + " N at any speed.";
   }

@@ -64,7 +64,7 @@ class LoadCellResonance final : public EffectOf<LoadCellResonance> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{scales.cell_frequency_hz, std::max(0.005, scales.cell_damping_ratio)}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The load cell is not stiff: it rings at " + number_text(p[0]) +
            " Hz with a damping ratio of " + number_text(p[1]) + " after every break-away.";
   }

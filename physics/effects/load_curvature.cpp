@@ -43,7 +43,7 @@ class LoadCurvature final : public EffectOf<LoadCurvature> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The normal load changes with the square of the displacement, by " +
            number_text(1.0e-4 * p[0]) + " % at a millimetre.";
   }

@@ -54,7 +54,7 @@ class LoadDependentMu final : public EffectOf<LoadDependentMu> {
     return {{0.0}};
   }
   std::vector<double> fixed(const Scales& scales) const override { return {scales.mean_load_n}; }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The coefficient of friction depends on the normal load: it varies as the load to the "
            "power " +
            number_text(p[0]) + ".";

@@ -46,7 +46,7 @@ class LoadEpisode final : public EffectOf<LoadEpisode> {
     for (const auto& [begin, end] : scales.episodes_s) starts.push_back({0.02, begin, end});
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "From " + number_text(p[1]) + " s to " + number_text(p[2]) +
            " s the normal load differs by " + number_text(100.0 * p[0]) + " %.";
   }

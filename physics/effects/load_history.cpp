@@ -69,7 +69,7 @@ class LoadHistory final : public EffectOf<LoadHistory> {
     const double load = std::max(scales.mean_load_n, 1.0e-9);
     return {{0.0, 0.003 * scales.velocity_m_s, load}, {0.0, 0.03 * scales.velocity_m_s, load}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction responds to a change of the load with a delay: " + number_text(100.0 * p[0]) +
            " % of it only after " + number_text(1.0e3 * p[1]) + " mm of slip.";
   }

@@ -70,7 +70,7 @@ class LoadVibration final : public EffectOf<LoadVibration> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The normal load oscillates by " + number_text(100.0 * p[0]) + " % at " +
            number_text(p[1]) + " Hz.";
   }

@@ -55,7 +55,7 @@ class LogarithmicFriction final : public EffectOf<LogarithmicFriction> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{0.0, std::max(scales.transition_speed_m_s, 1.0e-2 * scales.velocity_m_s)}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction changes by " + number_text(100.0 * p[0]) +
            " % per e-fold of the slip speed beyond " + number_text(p[1]) + " m/s.";
   }

@@ -90,12 +90,12 @@ class MainsHum final : public EffectOf<MainsHum> {
     return {{line.frequency_hz, line.amplitude, line.phase_rad, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
              0.0, scales.duration_s}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& place) const override {
     double square = 0.0;
     for (std::size_t i = 3; i < 11; ++i) square += 0.5 * p[i] * p[i];
     const double modulation = std::sqrt(square);
-    return "The channel picks up a hum of " + number_text(p[0]) + " Hz with an amplitude of " +
-           number_text(p[1]) +
+    return "The " + channel_words(place.channel) + " picks up a hum of " + number_text(p[0]) +
+           " Hz with an amplitude of " + reading_text(p[1], place) +
            (modulation > 0.02 ? ", modulated by " + number_text(100.0 * modulation) + " %" : "") +
            ".";
   }

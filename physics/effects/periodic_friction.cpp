@@ -63,7 +63,7 @@ class PeriodicFriction final : public EffectOf<PeriodicFriction> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction varies periodically by " + number_text(100.0 * p[0]) +
            " % along the track, with a wavelength of " + number_text(1.0e3 * p[1]) + " mm.";
   }

@@ -54,7 +54,7 @@ class PositionDependentDamping final : public EffectOf<PositionDependentDamping>
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0, 0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The damping depends on the position: its variable part is " + number_text(p[0]) +
            " x + " + number_text(p[1]) + " x^2 N s/m.";
   }

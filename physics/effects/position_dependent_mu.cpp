@@ -43,7 +43,7 @@ class PositionDependentMu final : public EffectOf<PositionDependentMu> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The coefficient of friction changes along the track by " + number_text(0.1 * p[0]) +
            " % per millimetre.";
   }

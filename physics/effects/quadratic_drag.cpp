@@ -42,7 +42,7 @@ class QuadraticDrag final : public EffectOf<QuadraticDrag> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "A drag that grows with the square of the speed acts on the mass: " + number_text(p[0]) +
            " N at 1 m/s.";
   }

@@ -44,7 +44,7 @@ class QuadraticStiffness final : public EffectOf<QuadraticStiffness> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The spring is asymmetric: its force contains " + number_text(p[0]) + " N/m2 times x^2.";
   }
 

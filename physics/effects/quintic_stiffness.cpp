@@ -45,7 +45,7 @@ class QuinticStiffness final : public EffectOf<QuinticStiffness> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return std::string("The spring ") + (p[0] > 0.0 ? "hardens" : "softens") +
            " at large deflections: a force k5 x^5 with k5 = " + number_text(p[0]) + " N/m5.";
   }

@@ -82,7 +82,7 @@ class RateAndState final : public EffectOf<RateAndState> {
     return {{0.0, 0.05, 3.0e-3 * scales.velocity_m_s, reference},
             {0.0, 0.05, 3.0e-2 * scales.velocity_m_s, reference}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction depends on the slip speed and on the age of the contacts: " +
            number_text(100.0 * p[0]) + " % per e-fold of the speed, " + number_text(100.0 * p[1]) +
            " % per e-fold of the age, which " + number_text(1.0e6 * p[2]) + " um of slip renew.";

@@ -77,7 +77,7 @@ class SecondMode final : public EffectOf<SecondMode> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The displacement gauge also measures a mode of the beam at " + number_text(p[0]) +
            " Hz, with a damping ratio of " + number_text(p[3]) +
            ", which friction and the base excite.";

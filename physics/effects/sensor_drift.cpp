@@ -53,9 +53,10 @@ class SensorDrift final : public EffectOf<SensorDrift> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{0.0, 5.0 * scales.duration_s}, {0.0, 0.3 * scales.duration_s}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The zero of the channel drifts by " + number_text(p[0]) +
-           " per second initially, with a time constant of " + number_text(p[1]) + " s.";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The zero of the " + channel_words(place.channel) + " drifts by " +
+           reading_text(p[0], place) + " per second initially, with a time constant of " +
+           number_text(p[1]) + " s.";
   }
 
   unsigned hooks() const override { return hook::reading; }

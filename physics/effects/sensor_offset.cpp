@@ -40,8 +40,9 @@ class SensorOffset final : public EffectOf<SensorOffset> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
-    return "The zero of the channel is off by " + number_text(p[0]) + ".";
+  std::string statement(std::span<const double> p, const Place& place) const override {
+    return "The zero of the " + channel_words(place.channel) + " is off by " +
+           reading_text(p[0], place) + ".";
   }
 
   unsigned hooks() const override { return hook::reading; }

@@ -55,7 +55,7 @@ class Stribeck final : public EffectOf<Stribeck> {
   std::vector<std::vector<double>> starts(const Scales& scales) const override {
     return {{1.1, 0.1 * scales.velocity_m_s}, {1.1, 0.4 * scales.velocity_m_s}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction depends on the speed (Stribeck): at rest it is " + number_text(p[0]) +
            " times the kinetic level, and the excess falls to 1/e at " + number_text(p[1]) +
            " m/s.";

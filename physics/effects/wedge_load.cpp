@@ -58,7 +58,7 @@ class WedgeLoad final : public EffectOf<WedgeLoad> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0, 0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The normal load is not constant: it changes by " + number_text(0.1 * p[0]) +
            " % per millimetre of displacement, as between plates that are not parallel.";
   }

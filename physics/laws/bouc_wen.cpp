@@ -66,7 +66,7 @@ class BoucWen final : public LawOf<BoucWen> {
             {start.mu, 30.0 * start.knee_n_m, 0.6, 1.5},
             {start.mu, 200.0 * start.knee_n_m, 0.6, 1.5}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction follows a loop of Bouc and Wen with mu = " + number_text(p[0]) +
            " and a stiffness before slip of " + number_text(p[1]) + " N/m.";
   }

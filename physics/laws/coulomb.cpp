@@ -38,7 +38,7 @@ class Coulomb final : public LawOf<Coulomb> {
     const LawStart start(scales);
     return {{start.mu, start.transition_speed_m_s}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction follows Coulomb's law with mu = " + number_text(p[0]) + ".";
   }
   template <class T>

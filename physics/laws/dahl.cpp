@@ -40,7 +40,7 @@ class Dahl final : public LawOf<Dahl> {
             {start.mu, 30.0 * start.knee_n_m},
             {start.mu, 200.0 * start.knee_n_m}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction follows Dahl's law with mu = " + number_text(p[0]) +
            " and a stiffness before slip of " + number_text(p[1]) + " N/m.";
   }

@@ -67,7 +67,7 @@ class GeneralisedMaxwellSlip final : public LawOf<GeneralisedMaxwellSlip> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction is that of parallel elements whose level lags behind a Stribeck curve (GMS): "
            "from mu_static = " +
            number_text(p[1]) + " to mu = " + number_text(p[0]) + " above about " +

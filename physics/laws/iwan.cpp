@@ -46,7 +46,7 @@ class Iwan final : public LawOf<Iwan> {
             {start.mu, 30.0 * start.knee_n_m, 0.5},
             {start.mu, 200.0 * start.knee_n_m, 0.5}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction is that of parallel elements which slip in turn (Iwan): mu = " +
            number_text(p[0]) + ", a stiffness before slip of " + number_text(p[1]) + " N/m.";
   }

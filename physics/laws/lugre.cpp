@@ -62,7 +62,7 @@ class LuGre final : public LawOf<LuGre> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction follows the LuGre law: from mu_static = " + number_text(p[1]) +
            " to mu = " + number_text(p[0]) + " above about " + number_text(p[2]) +
            " m/s, with a stiffness before slip of " + number_text(p[3]) + " N/m.";

@@ -88,7 +88,7 @@ class RateAndStateLaw final : public LawOf<RateAndStateLaw> {
     }
     return starts;
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction depends on the slip speed and on the age of the contacts: mu = " +
            number_text(p[0]) + " at " + number_text(p[4]) + " m/s, a = " + number_text(p[1]) +
            ", b = " + number_text(p[2]) + ", renewed over " + number_text(1.0e6 * p[3]) + " um.";

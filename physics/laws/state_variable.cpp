@@ -48,7 +48,7 @@ class StateVariable final : public LawOf<StateVariable> {
     return {{start.mu, start.transition_speed_m_s, std::min(30.0, fastest)},
             {start.mu, start.transition_speed_m_s, std::min(200.0, fastest)}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction relaxes towards Coulomb's law, mu = " + number_text(p[0]) + ", at a rate of " +
            number_text(p[2]) + " 1/s.";
   }

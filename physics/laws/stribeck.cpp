@@ -50,7 +50,7 @@ class StribeckLaw final : public LawOf<StribeckLaw> {
         {start.mu, 1.2 * start.mu, 0.05 * scales.velocity_m_s, start.viscosity_n_s_m, transition},
         {start.mu, 1.2 * start.mu, 0.3 * scales.velocity_m_s, start.viscosity_n_s_m, transition}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "Friction follows a Stribeck curve from mu_static = " + number_text(p[1]) +
            " to mu = " + number_text(p[0]) + " above about " + number_text(p[2]) + " m/s.";
   }

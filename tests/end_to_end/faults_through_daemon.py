@@ -145,8 +145,8 @@ class FaultsThroughTheDaemon(EndToEnd):
         self.assertEqual(result.returncode, 0, result.stderr)
         output = result.stdout + result.stderr
         broken = output.find(" the rig does not follow its model: ")
-        late = re.search("cause of the model mismatch(?: is not certain yet)?: The channel is delayed by "
-                         r"([0-9.]+) ms \(sensor of friction_force, above 99 %\)", output)
+        late = re.search("cause of the model mismatch(?: is not certain yet)?: "
+                         r"The friction_force channel is delayed by ([0-9.]+) ms \(sensor of friction_force, above 99 %\)", output)
         self.assertGreater(broken, 0, output)
         self.assertTrue(late, output)
         self.assertGreater(late.start(), broken, output)

@@ -50,7 +50,7 @@ class Cogging final : public EffectOf<Cogging> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "A cogging force of " + number_text(p[0]) + " N acts on the mass, with a pitch of " +
            number_text(1.0e3 * p[1]) + " mm.";
   }

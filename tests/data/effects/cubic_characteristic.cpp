@@ -44,7 +44,7 @@ class CubicCharacteristic final : public EffectOf<CubicCharacteristic> {
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};
   }
-  std::string statement(std::span<const double> p) const override {
+  std::string statement(std::span<const double> p, const Place& /*place*/) const override {
     return "The gain of the channel changes by " + number_text(100.0 * p[0]) +
            " % times the square of its reading.";
   }

@@ -207,7 +207,7 @@ LiveVerdict broken() {
   Explanation first;
   first.relation = Relation::sensor;
   first.channel = Channel::velocity;
-  first.statement = "The channel is delayed by 4 ms.";
+  first.statement = "The velocity channel is delayed by 4 ms.";
   first.chi2 = 1.0;
   first.probability = 0.6;
   Explanation second;
@@ -223,14 +223,15 @@ TEST(LiveVerdict, SaysWhatIsNotCertain) {
   LiveVerdict verdict = broken();
   EXPECT_EQ(words_for(verdict),
             "the rig does not follow its model: residuals have 7.25 times the power of the noise");
-  EXPECT_EQ(cause_in_words(verdict),
-            "the cause of the model mismatch is not certain yet: The channel is delayed by 4 ms "
-            "(sensor of velocity, 60 %), or a constant force of 0.1 N acts (force_balance, 38 %)");
+  EXPECT_EQ(
+      cause_in_words(verdict),
+      "the cause of the model mismatch is not certain yet: The velocity channel is delayed by "
+      "4 ms (sensor of velocity, 60 %), or a constant force of 0.1 N acts (force_balance, 38 %)");
   verdict.is_certain = true;
   verdict.explanations.front().probability = 0.9999;
   EXPECT_EQ(cause_in_words(verdict),
-            "probable cause of the model mismatch: The channel is delayed by 4 ms (sensor of "
-            "velocity, above 99 %)");
+            "probable cause of the model mismatch: The velocity channel is delayed by 4 ms "
+            "(sensor of velocity, above 99 %)");
   verdict.explanations.front().chi2 = 3.0;
   EXPECT_THAT(cause_in_words(verdict), HasSubstr("no single effect of the catalogue"));
 }

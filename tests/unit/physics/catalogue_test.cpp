@@ -119,13 +119,18 @@ TEST_P(EveryEffect, IsDescribedCompletely) {
     const int year = std::stoi(std::string(reference.substr(reference.size() - 4)));
     EXPECT_TRUE(year > 1780 && year < 2027) << reference;
   }
-  const std::string statement = GetParam()->statement(middle);
+  const std::string statement = GetParam()->statement(middle, {});
   EXPECT_GT(statement.size(), 20U);
   EXPECT_EQ(statement.back(), '.');
   // The statement contains a number.
   std::vector<double> other = middle;
   other[0] *= 1.7;
-  EXPECT_NE(GetParam()->statement(other), statement);
+  EXPECT_NE(GetParam()->statement(other, {}), statement);
+  // Of a sensor effect it names the channel.
+  if (card.relation == Relation::sensor) {
+    const std::string placed = GetParam()->statement(middle, {Channel::velocity, {}});
+    EXPECT_TRUE(placed.find("velocity") != std::string::npos) << placed;
+  }
   for (const std::string_view rival : card.rivals) {
     EXPECT_NE(rival, card.id);
     EXPECT_NE(find_effect(rival), nullptr) << rival;

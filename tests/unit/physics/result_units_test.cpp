@@ -60,7 +60,10 @@ TEST(ResultUnits, AreLeftOutOfEveryStatementOfTheCatalogue) {
     for (const ParameterCard& card : effect->card().parameters) {
       parameters.push_back(0.5 * (card.low + card.high));
     }
-    const std::string text = ResultUnits(model).sentence(effect->statement(parameters));
+    const Place place = effect->card().relation == Relation::sensor
+                            ? Place{Channel::friction_force, Channel::normal_load}
+                            : Place{};
+    const std::string text = ResultUnits(model).sentence(effect->statement(parameters, place));
     EXPECT_FALSE(std::regex_search(text, unit)) << effect->card().id << ": " << text;
   }
 }
