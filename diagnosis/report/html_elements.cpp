@@ -68,7 +68,6 @@ Table::Table(const std::string& caption, const std::vector<std::string>& heading
 }
 
 void Table::row(const std::vector<std::string>& cells) {
-  ++rows_;
   html_ += "<tr>";
   for (std::size_t i = 0; i < cells.size(); ++i) {
     html_ += i == 0 ? "<th scope=\"row\">" + cells[i] + "</th>" : "<td>" + cells[i] + "</td>";
@@ -77,9 +76,7 @@ void Table::row(const std::vector<std::string>& cells) {
 }
 
 std::string Table::html() const {
-  constexpr int max_rows_together = 16;
-  const std::string style = rows_ <= max_rows_together ? "scroll together" : "scroll";
-  return "<div class=\"" + style + "\">" + html_ + "</tbody>\n</table></div>\n";
+  return "<div class=\"scroll\">" + html_ + "</tbody>\n</table></div>\n";
 }
 
 std::string Section::link() const {

@@ -28,12 +28,10 @@ class Table {
   Table(const std::string& caption, const std::vector<std::string>& headings);
   /// The first cell is the heading of the row.
   void row(const std::vector<std::string>& cells);
-  /// A short table is kept on one page of paper.
   std::string html() const;
 
  private:
   std::string html_;
-  int rows_ = 0;
 };
 
 /// A part of the page with a heading and an entry in the list of contents.

@@ -84,7 +84,8 @@ td code { overflow-wrap:break-word; }
   :root { color-scheme:light; --ink:#000; --soft:#333; --rule:#bbb; --card:#fff; --link:#000; }
   body { padding:0; max-width:none; font-size:10.5pt; } nav { display:none; }
   h1 { font-size:17pt; } h2 { font-size:13pt; margin-top:18pt; } h3 { font-size:11pt; }
-  h2, h3, caption, thead { break-after:avoid; } figure, tr, .answers div, .together { break-inside:avoid; }
+  h2, h3, caption, thead { break-after:avoid; } figure, tr, .answers div { break-inside:avoid; }
+  tbody tr:first-child { break-after:avoid; } tbody tr:last-child { break-before:avoid; }
   thead { display:table-header-group; } table { font-size:9.5pt; } .scroll { overflow:visible; }
   figcaption, caption { font-size:9pt; } code, pre { font-size:8pt; }
   td code { overflow-wrap:anywhere; }
