@@ -652,9 +652,9 @@ Readings predict(const Experiment& experiment, const Window& window, std::size_t
                  const Hypothesis& hypothesis, std::span<const double> z, const WindowState& state,
                  Steps steps) {
   const WindowRun run{experiment, window, end, steps};
-  const physics::SensorBank bank(hypothesis.model(), run.step_s());
   const auto parameters = hypothesis.parameters(z, experiment.recording);
   const auto n = numbers_on_recording<double>(hypothesis.rig(), parameters);
+  const physics::SensorBank bank = sensor_bank(hypothesis.model(), n.reading, run.step_s());
   Readings readings(end - window.begin);
   run_window(run, hypothesis.rig(), bank, n, state,
              [&](std::size_t k, std::size_t c, double reading, double) {

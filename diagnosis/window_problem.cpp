@@ -130,13 +130,6 @@ WindowProblem::WindowProblem(const Task& task, const Hypothesis& hypothesis,
     states_.push_back(physics::max_rig_states + k);
   }
   for (std::size_t i = 0; i < hypothesis.recordings(); ++i) columns_.push_back(columns_of(i));
-  for (const Experiment& e : task.experiments) {
-    const auto bank = [&](Steps steps) {
-      return physics::SensorBank(hypothesis.model(), e.period_s / e.steps_per_sample(steps));
-    };
-    banks_.push_back(bank(task.steps));
-    coarse_banks_.push_back(bank(Steps::coarse));
-  }
   set_numbers(z);
   for (std::size_t w = 0; w < task.windows.size(); ++w) {
     const Experiment& e = task.experiment(w);
@@ -171,6 +164,18 @@ void WindowProblem::set_numbers(std::span<const double> z) {
     numbers_.push_back(numbers_on_recording<double>(hypothesis_.rig(), parameters_.back()));
   }
   z_.assign(z.begin(), z.end());
+  banks_.clear();
+  coarse_banks_.clear();
+  for (const Experiment& e : task_.experiments) {
+    const auto bank = [&](Steps steps) {
+      physics::SensorBank out = sensor_bank(hypothesis_.model(), numbers_[e.recording].reading,
+                                            e.period_s / e.steps_per_sample(steps));
+      out.allow_changes();
+      return out;
+    };
+    banks_.push_back(bank(task_.steps));
+    coarse_banks_.push_back(bank(Steps::coarse));
+  }
 }
 
 std::size_t WindowProblem::end_of(std::size_t w) const {

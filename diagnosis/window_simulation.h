@@ -154,10 +154,11 @@ class MeasurementTimes {
     next_.fill(run.window.begin);
     if (!laws.any_delay) return;
     for (std::size_t c = 0; c < predicted_channels; ++c) {
-      delay_[c] = laws.of[c].delay_s;
+      // The lag of the filters is that of their own states.
+      delay_[c] = laws.of[c].delay_s - laws.of[c].lag_s;
+      delay_s_[c] = physics::value_of(delay_[c]);
       // Only the derivatives: the value is part of the time.
-      delay_[c] -= physics::value_of(delay_[c]);
-      delay_s_[c] = physics::value_of(laws.of[c].delay_s);
+      delay_[c] -= delay_s_[c];
     }
   }
   bool complete() const {
@@ -213,21 +214,36 @@ std::array<T, predicted_channels> as_array(const physics::Readings<T>& r) {
   return {r.displacement, r.velocity, r.friction_force, r.normal_load};
 }
 
+/// Factors of the cut-offs of the channels' filters.
+template <class T>
+physics::CutoffChanges<T> cutoff_scales(const physics::ReadingLaws<T>& laws) {
+  physics::CutoffChanges<T> out;
+  for (std::size_t c = 0; c < out.size(); ++c) out[c] = 1.0 / (1.0 - laws.of[c].cutoff_change);
+  return out;
+}
+
+/// The sensors of a model with the cut-offs of the laws, for steps of a run.
+inline physics::SensorBank sensor_bank(const physics::Model& model,
+                                       const physics::ReadingLaws<double>& laws, double step_s) {
+  return {model, step_s, cutoff_scales(laws)};
+}
+
 /// The sensors of a rig in one window: chains, and errors other than a delay.
 template <class T>
 class WindowSensors {
  public:
   WindowSensors(const physics::SensorBank& bank, physics::ReadingLaws<T> laws, double step_s)
-      : bank_(bank), wrong_(laws.any_error) {
+      : bank_(bank), wrong_(laws.any_error), changes_(cutoff_scales(laws)) {
+    for (T& each : changes_) each = each * (1.0 / physics::value_of(each)) - 1.0;
     laws.any_delay = false;
     if (wrong_) errors_.emplace(laws, bank, step_s);
   }
   void settle(const physics::Quantities<T>& quantities) {
-    bank_.settle(chains_, quantities);
+    bank_.settle(chains_, quantities, changes());
     if (wrong_) errors_->settle(memory_, chains_);
   }
   void advance(const physics::Quantities<T>& quantities) {
-    bank_.advance(chains_, quantities);
+    bank_.advance(chains_, quantities, changes());
     if (wrong_) errors_->advance(memory_, chains_);
   }
   std::array<T, predicted_channels> readings(double time_s) const {
@@ -235,8 +251,14 @@ class WindowSensors {
   }
 
  private:
+  // Derivatives only: the bank has the cut-offs themselves.
+  const physics::CutoffChanges<T>* changes() const {
+    return std::is_same_v<T, double> ? nullptr : &changes_;
+  }
+
   const physics::SensorBank& bank_;
   bool wrong_;
+  physics::CutoffChanges<T> changes_;
   std::optional<physics::SensorErrors<T>> errors_;
   physics::SensorMemory<T> chains_;
   physics::SensorErrorState<T> memory_;
@@ -350,7 +372,8 @@ class PlainMotion {
 };
 
 /// Integrates from `from` at window.warm, and calls sink(sample, channel, reading, its rate) for
-/// each reading, those of one channel in order. `bank`: for the steps of the run.
+/// each reading, those of one channel in order. `bank`: for the steps of the run, with the cut-offs
+/// of the numbers.
 template <class Sink>
 void run_window(const WindowRun& run, const physics::Rig& rig, const physics::SensorBank& bank,
                 const physics::RigNumbers<double>& n, const WindowState& from, Sink&& sink) {

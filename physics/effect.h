@@ -214,9 +214,11 @@ struct ReadingLaw {
   std::array<T, 8> hum_modulation{};
   double hum_modulation_s = 1.0;
   T delay_s{0.0};
-  /// Relative change of the cut-offs of the channel's filters, weighted by their lags; its lag is
-  /// part of delay_s.
+  /// Relative change of the cut-offs of the channel's filters, weighted by their lags.
   T cutoff_change{0.0};
+  /// The share of delay_s by that change, and for the velocity by the displacement's. Not a delay
+  /// of readings whose filters have the changed cut-offs.
+  T lag_s{0.0};
   T limit{0.0};  ///< largest magnitude of the reading; 0: none
   /// Effect whose Effect::distort is the characteristic d; nullptr: none.
   const Effect* characteristic = nullptr;

@@ -357,6 +357,7 @@ T read_instrument(const Sensor& sensor, ParameterReader<T>& parameters, ReadingL
     late = true;
   }
   law.delay_s += lag_s;
+  law.lag_s += lag_s;
   laws.any_delay = laws.any_delay || late;
   laws.any_error = laws.any_error || late || acts(sensor.gain, law.gain, 1.0) ||
                    acts(sensor.offset, law.offset, 0.0);
@@ -369,7 +370,11 @@ void read_instruments(const Model& model, ParameterReader<T>& parameters, Readin
     const T lag_s = read_instrument(model.sensors[index_of(channel)], parameters,
                                     laws.of[index_of(channel)], laws);
     // The velocity chain continues that of the displacement.
-    if (channel == Channel::displacement) laws.of[index_of(Channel::velocity)].delay_s += lag_s;
+    if (channel == Channel::displacement) {
+      ReadingLaw<T>& velocity = laws.of[index_of(Channel::velocity)];
+      velocity.delay_s += lag_s;
+      velocity.lag_s += lag_s;
+    }
   }
 }
 

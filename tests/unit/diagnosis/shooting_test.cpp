@@ -444,6 +444,42 @@ TEST(Jacobian, OfCoarseStepsServesResidualsOfFineOnes) {
   }
 }
 
+// The bench with filters, and with cut-offs that are `factor` times the declared ones.
+physics::Model filtered_bench(double factor) {
+  physics::Model model = bench_with_memory();
+  for (const Channel c : {Channel::displacement, Channel::friction_force}) {
+    model.sensors[index_of(c)].filters = {
+        {physics::FilterKind::butterworth_lowpass, 4, {25.0 * factor, 2.5}}};
+  }
+  return model;
+}
+
+TEST(Predict, CalibratedCutOffsActAsDeclaredOnes) {
+  constexpr double factor = 0.93;
+  const std::vector<Experiment> experiments = {shaken(filtered_bench(1.0), 4.0)};
+  const Task task = all_windows(experiments);
+  const Hypothesis calibrated(filtered_bench(1.0));
+  const Hypothesis declared(filtered_bench(factor));
+  std::vector<double> z(calibrated.unknowns().size(), 0.0);
+  for (std::size_t u = 0; u < z.size(); ++u) {
+    const std::string& path =
+        calibrated.rig().parameter_paths()[calibrated.unknowns()[u].parameter];
+    if (path.ends_with("cutoff_hz")) z[u] = calibrated.z_of(u, 25.0 * factor);
+  }
+  const std::vector<double> origin(z.size(), 0.0);
+  const WindowState state = initial_states(task, calibrated)[2];
+  const Window& window = task.window(2);
+  const auto got = predict(experiments[0], window, window.end, calibrated, z, state);
+  const auto expected = predict(experiments[0], window, window.end, declared, origin, state);
+  const auto before = predict(experiments[0], window, window.end, calibrated, origin, state);
+  const std::size_t last = window.end - window.begin - 1;
+  for (const Channel c : measured) {
+    const std::size_t i = index_of(c);
+    EXPECT_NEAR(got[last][i], expected[last][i], 1.0e-9 * std::abs(expected[last][i])) << i;
+    EXPECT_GT(std::abs(before[last][i] - expected[last][i]), 1.0e-3 * std::abs(expected[last][i]));
+  }
+}
+
 TEST(Fit, LeavesMoreThanNoiseWithoutAnEffect) {
   const auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.5}}});
   const std::vector<Experiment> experiments = {experiment_of(record(truth, 12.0), driven_mass())};

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "physics/dual.h"
 #include "tests/unit/physics/rigs.h"
 
 namespace stickslip::physics {
@@ -47,6 +48,21 @@ TEST_P(Response, ToASineIsTheTransferFunction) {
     const auto expected = chain.response(frequency_hz);
     EXPECT_NEAR(std::abs(measured_response(chain, frequency_hz, h) - expected), 0.0, 2.0e-3)
         << frequency_hz << " Hz";
+  }
+}
+
+TEST_P(Response, ToACubicInputIsTheTransferFunctionInLongSteps) {
+  const double h = 4.0e-3;
+  const FilterChain cubic(GetParam(), h, InputCourse::cubic);
+  const FilterChain linear(GetParam(), h);
+  for (const double frequency_hz : {2.0, 10.0, 25.0}) {
+    const auto expected = cubic.response(frequency_hz);
+    const auto error_of = [&](const FilterChain& chain) {
+      return std::abs(measured_response(chain, frequency_hz, h) - expected) / std::abs(expected);
+    };
+    const double phase = 2.0 * pi * frequency_hz * h;
+    EXPECT_NEAR(error_of(cubic), 0.0, 0.03 * std::pow(phase, 4) + 1.0e-6) << frequency_hz << " Hz";
+    EXPECT_GT(error_of(linear), 0.05 * std::pow(phase, 2)) << frequency_hz << " Hz";
   }
 }
 
@@ -128,7 +144,8 @@ TEST(SensorBank, VelocityIsTheDerivativeOfTheFilteredDisplacement) {
   for (int k = 1; k <= 5000; ++k) {
     const double t = k * h;
     q.displacement = 0.01 * std::sin(2.0 * pi * 6.0 * t) + 0.004 * std::sin(2.0 * pi * 17.0 * t);
-    q.velocity = 0.0;  // not used: the differentiator follows the filters
+    q.velocity =
+        2.0 * pi * (0.06 * std::cos(2.0 * pi * 6.0 * t) + 0.068 * std::cos(2.0 * pi * 17.0 * t));
     bank.advance(memory, q);
     const auto readings = bank.readings(memory);
     worst = std::max(worst,
@@ -140,6 +157,50 @@ TEST(SensorBank, VelocityIsTheDerivativeOfTheFilteredDisplacement) {
   }
   EXPECT_GT(largest, 0.1);
   EXPECT_LT(worst, 1.0e-3 * largest);
+}
+
+// The last readings of a rig that moves at two frequencies, with all cut-offs `scale` times theirs.
+template <class T>
+Readings<T> last_readings(double scale, const CutoffChanges<T>* changes) {
+  Model model = test::bench();
+  model.sensors[index_of(Channel::displacement)].filters = {butterworth(4, 25.0)};
+  model.sensors[index_of(Channel::velocity)].filters = {first_order(80.0)};
+  model.sensors[index_of(Channel::friction_force)].filters = {butterworth(3, 30.0)};
+  model.sensors[index_of(Channel::normal_load)].filters = {butterworth(2, 40.0)};
+  const double h = 1.0e-3;
+  SensorBank bank(model, h, {scale, scale, scale, scale});
+  if (changes) bank.allow_changes();
+  SensorMemory<T> memory;
+  Quantities<T> q;
+  q.velocity = T(0.2);
+  bank.settle(memory, q, changes);
+  for (int k = 1; k <= 500; ++k) {
+    const double t = k * h;
+    q.displacement = T(0.01 * std::sin(2.0 * pi * 6.0 * t) + 0.004 * std::sin(2.0 * pi * 17.0 * t));
+    q.velocity =
+        T(2.0 * pi * (0.06 * std::cos(2.0 * pi * 6.0 * t) + 0.068 * std::cos(2.0 * pi * 17.0 * t)));
+    q.friction_reading = 30.0 * q.displacement;
+    q.normal_load = 20.0 * q.displacement;
+    bank.advance(memory, q, changes);
+  }
+  return bank.readings(memory);
+}
+
+TEST(SensorBank, ChangesOfCutOffsHaveExactDerivatives) {
+  CutoffChanges<Dual> changes;
+  for (Dual& each : changes) each.d[0] = 1.0;
+  const Readings<Dual> got = last_readings<Dual>(1.0, &changes);
+  const Readings<double> above = last_readings<double>(1.001, nullptr);
+  const Readings<double> below = last_readings<double>(0.999, nullptr);
+  const auto expect = [](const Dual& reading, double low, double high) {
+    const double slope = (high - low) / 0.002;
+    EXPECT_GT(std::abs(slope), 1.0e-3 * std::abs(reading.a)) << "the test is void";
+    EXPECT_NEAR(reading.d[0], slope, 1.0e-4 * std::abs(slope));
+  };
+  expect(got.displacement, below.displacement, above.displacement);
+  expect(got.velocity, below.velocity, above.velocity);
+  expect(got.friction_force, below.friction_force, above.friction_force);
+  expect(got.normal_load, below.normal_load, above.normal_load);
 }
 
 TEST(SensorBank, HasChainsForTheMechanicalChannelsOnly) {
