@@ -241,7 +241,7 @@ void set_noise(const Experiment& first, const Task& judged, Diagnosis& out) {
     if (!(first.noise_std[c] > 0.0)) continue;
     out.noise_std.emplace_back(channel, first.noise_std[c]);
     Noise noise{channel, first.noise_std[c]};
-    if (c < predicted_channels && first.is_compared(c) && !judged.colour[c].is_white()) {
+    if (c < predicted_channels && first.is_compared(c)) {
       noise.std = judged.sigma_of(first, c);
       noise.correlation_s = judged.colour[c].correlation_s;
     }

@@ -175,13 +175,13 @@ bool is_better_noise(const SearchData& data, const FittedCandidate& each, const 
          data.criteria.claim_nats();
 }
 
-// Noise is coloured if that is what the fit leaves, white again once it is taken into account, and
-// if it predicts better. Of a fit that leaves physics it is not.
-void colour_noise(SearchData& data, const FittedCandidate& each) {
+// Noise is what the fit leaves, of a level and colour that make it white again, and that predict
+// better. Of a fit that leaves physics it is not.
+void learn_noise(SearchData& data, const FittedCandidate& each) {
   for (const bool keeps_declared : {false, true}) {
     const NoiseEstimate found = noise_in_residuals(data.train, *each.hypothesis, each.fitted,
                                                    keeps_declared, data.criteria);
-    if (found.colour == NoiseColours{}) return;
+    if (found.colour == data.train.colour && found.sigma == data.train.sigma) return;
     Task held_out = data.held_out;
     held_out.colour = found.colour;
     held_out.sigma = found.sigma;
@@ -267,7 +267,7 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
 void settle(SearchData& data, FittedCandidate& each) {
   reweight(data.train, data.held_out.sigma, *each.hypothesis, each.fitted);
   weigh_by_noise(data, data.train);
-  colour_noise(data, each);
+  learn_noise(data, each);
   each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit());
   const auto score = [&] {
     return held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);

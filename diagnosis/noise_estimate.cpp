@@ -115,7 +115,7 @@ std::array<ChannelResiduals, predicted_channels> residuals_by_channel(const Task
 
 NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
                                  bool keeps_declared, const Criteria& criteria) {
-  NoiseEstimate out{{}, task.sigma};
+  NoiseEstimate out{task.colour, task.sigma};
   if (task.windows.empty()) return out;
   const Experiment& e = task.experiment(0);
   const Window& window = task.window(0);
@@ -135,8 +135,10 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
                  std::abs(std::log(freed.likelihood.variance)) < criteria.confirmed_noise_log;
       if (!is_known) found = freed;
     }
-    const double white = likelihood_of(residuals[c], {}, is_known).nats;
-    if (white - found.likelihood.nats < least) return;
+    const Likelihood white = likelihood_of(residuals[c], {}, is_known);
+    if (white.nats - found.likelihood.nats < least) found = {{}, white};
+    const double present = likelihood_of(residuals[c], task.colour[c], true).nats;
+    if (present - found.likelihood.nats < least) return;
     out.colour[c] = found.colour;
     out.sigma[c] *= std::sqrt(found.likelihood.variance);
     contradicts[c] = e.noise_declared[c] && !is_known;

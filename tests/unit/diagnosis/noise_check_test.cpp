@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "diagnosis/noise_estimate.h"
 #include "diagnosis/noise_score.h"
 #include "tests/unit/diagnosis/bench.h"
 
@@ -107,6 +108,27 @@ TEST(NoiseLoss, DistinguishesSlowNoiseFromWhite) {
   const NoiseColour colour{0.9, test::slow_error_s};
   EXPECT_GT(gain_of_colour(6.0e-5, colour), 100.0);
   EXPECT_LT(gain_of_colour(0.0, colour), -100.0);
+}
+
+// The level in the residuals of a rig whose noise was taken for `assumed` times what it is, without
+// a declaration.
+double learned_level(double assumed) {
+  std::vector<Experiment> experiments{experiment_of(record(driven_mass(), 24.0), driven_mass())};
+  experiments.front().noise_declared.fill(false);
+  const Hypothesis hypothesis(driven_mass());
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  Task task = all_windows(experiments);
+  const double noise = std::exchange(task.sigma[0], assumed * task.sigma[0]);
+  const Fit fitted = fit_states(task, hypothesis, z, {});
+  const NoiseEstimate got = noise_in_residuals(task, hypothesis, fitted, false, {});
+  EXPECT_TRUE(got.colour[0].is_white());
+  return got.sigma[0] / noise;
+}
+
+TEST(NoiseEstimate, CorrectsAWrongLevelOfWhiteNoise) {
+  EXPECT_NEAR(learned_level(0.65), 1.0, 0.04);
+  EXPECT_NEAR(learned_level(1.6), 1.0, 0.04);
+  EXPECT_EQ(learned_level(1.0), 1.0);
 }
 
 }  // namespace
