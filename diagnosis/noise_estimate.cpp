@@ -77,7 +77,8 @@ Found most_probable(const ChannelResiduals& residuals, double shortest_s, double
   }
   if (best.colour.is_white()) return best;
   double factor = std::pow(longest_s / shortest_s, 0.5 / (steps - 1.0));
-  for (double distance = 0.1; distance > 0.01; distance *= 0.5, factor = std::sqrt(factor)) {
+  double distance = 0.1;
+  for (int i = 0; i < 4; ++i, distance *= 0.5, factor = std::sqrt(factor)) {
     const NoiseColour centre = best.colour;
     for (const double up : {-1.0, 0.0, 1.0}) {
       for (const double longer : {1.0 / factor, 1.0, factor}) {
@@ -123,7 +124,7 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
   const double shortest_s = shortest_correlation_periods * e.period_s;
   const double longest_s = std::max(longest_correlation_share * length_s, 2.0 * shortest_s);
   const auto residuals = residuals_by_channel(task, hypothesis, fitted);
-  std::array<char, predicted_channels> contradicts{};
+  std::array<bool, predicted_channels> contradicts{};
   parallel::for_each(predicted_channels, task.threads, [&](std::size_t c) {
     if (residuals[c].count < 100) return;
     const double least = criteria.claim_nats();
@@ -144,7 +145,7 @@ NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis,
     contradicts[c] = e.noise_declared[c] && !is_known;
   });
   out.contradicts_declaration =
-      std::any_of(contradicts.begin(), contradicts.end(), [](char each) { return each != 0; });
+      std::any_of(contradicts.begin(), contradicts.end(), [](bool each) { return each; });
   return out;
 }
 
