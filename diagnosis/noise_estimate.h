@@ -18,9 +18,9 @@ struct NoiseEstimate {
 
 /// The most probable noise of residuals in the windows of `task`: its own in channels in which no
 /// other gains more than Criteria::claim_nats, and coloured where that gains as much over white.
-/// The level is estimated, too, in channels without
-/// declared noise, and, unless `keeps_declared`, where the residuals contradict the declared one by
-/// as much and beyond Criteria::confirmed_noise_log.
+/// The level is estimated, too, in channels without declared noise, and, unless `keeps_declared`,
+/// where the residuals contradict the declared one by as much and beyond
+/// Criteria::confirmed_noise_log.
 NoiseEstimate noise_in_residuals(const Task& task, const Hypothesis& hypothesis, const Fit& fitted,
                                  bool keeps_declared, const Criteria& criteria);
 

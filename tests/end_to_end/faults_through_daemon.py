@@ -146,7 +146,8 @@ class FaultsThroughTheDaemon(EndToEnd):
         output = result.stdout + result.stderr
         broken = output.find(" the rig does not follow its model: ")
         late = re.search("cause of the model mismatch(?: is not certain yet)?: "
-                         r"The friction_force channel is delayed by ([0-9.]+) ms \(sensor of friction_force, above 99 %\)", output)
+                         r"The friction_force channel is delayed by ([0-9.]+) ms "
+                         r"\(sensor of friction_force, above 99 %\)", output)
         self.assertGreater(broken, 0, output)
         self.assertTrue(late, output)
         self.assertGreater(late.start(), broken, output)
