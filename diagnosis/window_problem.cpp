@@ -168,13 +168,12 @@ void WindowProblem::set_numbers(std::span<const double> z) {
   coarse_banks_.clear();
   for (const Experiment& e : task_.experiments) {
     const auto bank = [&](Steps steps) {
-      physics::SensorBank out = sensor_bank(hypothesis_.model(), numbers_[e.recording].reading,
-                                            e.period_s / e.steps_per_sample(steps));
-      out.allow_changes();
-      return out;
+      return sensor_bank(hypothesis_.model(), numbers_[e.recording].reading,
+                         e.period_s / e.steps_per_sample(steps));
     };
     banks_.push_back(bank(task_.steps));
     coarse_banks_.push_back(bank(Steps::coarse));
+    coarse_banks_.back().allow_changes();
   }
 }
 
