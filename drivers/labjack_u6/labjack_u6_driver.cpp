@@ -7,11 +7,13 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/labjack/lines.h"
+#include "drivers/labjack/streaming_output.h"
 #include "drivers/labjack_u6/board_link.h"
+#include "drivers/labjack_u6/output_commands.h"
 #include "drivers/labjack_u6/protocol.h"
 #include "drivers/labjack_u6/stream_plan.h"
 #include "drivers/labjack_u6/stream_session.h"
-#include "drivers/labjack_u6/streaming_output.h"
 
 namespace stickslip::drivers {
 
@@ -28,7 +30,9 @@ struct LabjackU6Driver::Board {
   u6::BoardLink link;
   u6::Calibration calibration;
   std::unique_ptr<u6::StreamSession> session;
-  std::optional<u6::StreamingOutput> output;  // while streaming
+  // While streaming.
+  std::optional<u6::OutputCommands> commands;
+  std::optional<labjack::StreamingOutput> output;
 };
 
 LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
@@ -38,7 +42,7 @@ LabjackU6Driver::LabjackU6Driver(const config::LabjackU6& settings,
       inputs_(inputs),
       rate_hz_(rate_hz),
       clock_(clock),
-      lines_(std::make_unique<u6::Lines>()),
+      lines_(std::make_unique<labjack::Lines>()),
       counts_(std::make_unique<u6::StreamCounts>()),
       rest_v_(settings.rest_v) {
   description_.name = "LabJack U6";
@@ -236,7 +240,8 @@ Result LabjackU6Driver::begin_stream() {
   }
   const std::uint16_t rest_counts = u6::dac_counts(board_->calibration, settings_.dac, rest_v_);
   const std::int64_t now_ns = clock_.now_ns();
-  board_->output.emplace(settings_, description_.name, *board_->session, *lines_, echo_,
+  board_->commands.emplace(settings_, *board_->session, echo_);
+  board_->output.emplace(u6::output_rules(settings_), description_.name, *board_->commands, *lines_,
                          rest_counts, now_ns);
   outputs_ = {};
   lines_->update(lines, now_ns);  // the grace period until the first reply
@@ -307,7 +312,7 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   if (!on && finite) rest_v_ = actuation.drive;
   const std::uint16_t counts =
       u6::dac_counts(board_->calibration, settings_.dac, finite ? actuation.drive : rest_v_);
-  u6::StreamingOutput& output = *board_->output;
+  labjack::StreamingOutput& output = *board_->output;
   output.apply(counts, actuation.amplifier_on, on, clock_.now_ns());
   if (board_->session->ended() == u6::StreamEnd::unplugged) return stream_end();
   if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
@@ -322,13 +327,9 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
 
 Signals LabjackU6Driver::signals() const noexcept {
   if (!running_) return {};
-  const std::int64_t requested_ns = lines_->requested_ns();
-  const std::uint32_t lines = lines_->levels();
-  const bool stale = clock_.now_ns() - requested_ns > u6::line_validity_ns;
-  const auto low = [lines, stale](const std::optional<int>& line) {
-    return line && (stale || ((lines >> static_cast<unsigned>(*line)) & 1U) == 0);
-  };
-  return {low(settings_.emergency_stop_line), low(settings_.amplifier_fault_line)};
+  const std::int64_t now_ns = clock_.now_ns();
+  return {lines_->low(settings_.emergency_stop_line, now_ns),
+          lines_->low(settings_.amplifier_fault_line, now_ns)};
 }
 
 Counts LabjackU6Driver::counts() const noexcept {
@@ -359,6 +360,7 @@ void LabjackU6Driver::end_stream() noexcept {
   const bool unplugged = board_->session->ended() == u6::StreamEnd::unplugged;
   const bool ended = board_->session->end();
   board_->output.reset();
+  board_->commands.reset();
   if (!ended) {
     // The kernel may still write into this memory: a leak is better than reuse.
     static_cast<void>(board_->session.release());

@@ -18,10 +18,12 @@
 
 namespace stickslip::drivers {
 
+namespace labjack {
+class Lines;
+}
 namespace labjack_u6 {
 struct Command;
 struct Verdict;
-class Lines;
 struct StreamCounts;
 struct StreamPlan;
 }  // namespace labjack_u6
@@ -96,7 +98,7 @@ class LabjackU6Driver final : public Driver {
   std::string left_on_;  // empty: everything is off
   std::array<char, 200> end_text_{};
   std::atomic<bool> running_{false};
-  std::unique_ptr<labjack_u6::Lines> lines_;
+  std::unique_ptr<labjack::Lines> lines_;
   std::unique_ptr<labjack_u6::StreamCounts> counts_;
   double rest_v_;  // drive of the latest "off"; initially that of the settings
   std::uint8_t echo_ = 0;

@@ -162,16 +162,6 @@ constexpr NamedError named_errors[] = {
     {101, "operation unknown"},
 };
 
-std::string implausible(const char* what, int index, double value, double expected) {
-  char text[160];
-  std::snprintf(text, sizeof text, "%s %d is %.6g, nominal is %.6g", what, index, value, expected);
-  return text;
-}
-
-bool within(double value, double expected, double tolerance) {
-  return std::abs(value - expected) <= tolerance;  // false for NaN
-}
-
 }  // namespace
 
 std::uint8_t checksum8(Bytes bytes) {
@@ -271,21 +261,6 @@ Command configure_stream(std::span<const StreamChannel> channels, int resolution
   }
   fill_header(command, stream_config.number);
   return command;
-}
-
-std::optional<std::uint8_t> input_named(const std::string& name) {
-  for (int input = 0; input < analog_inputs; ++input) {
-    if (name == "AIN" + std::to_string(input)) return static_cast<std::uint8_t>(input);
-  }
-  return std::nullopt;
-}
-
-std::optional<std::uint8_t> gain_of(double range_v) {
-  constexpr double ranges_v[gain_count] = {10.0, 1.0, 0.1, 0.01};
-  for (std::uint8_t gain = 0; gain < gain_count; ++gain) {
-    if (within(range_v, ranges_v[gain], 1e-9)) return gain;
-  }
-  return std::nullopt;
 }
 
 Feedback::Feedback(std::uint8_t echo) {
@@ -400,13 +375,7 @@ Verdict parse_feedback(Bytes reply, bool lines_read, FeedbackReply& out) {
 
 Calibration nominal_calibration() {
   Calibration nominal;
-  double scale = 1.0;
-  for (std::size_t gain = 0; gain < gain_count; ++gain) {
-    nominal.positive_slope_v[gain] = 3.1580578e-4 * scale;
-    nominal.negative_slope_v[gain] = -3.1580580e-4 * scale;
-    nominal.center[gain] = 33523.0;
-    scale /= 10.0;
-  }
+  static_cast<labjack::ConverterCalibration&>(nominal) = labjack::nominal_converter();
   nominal.dac_slope = {13200.0, 13200.0};
   return nominal;
 }
@@ -432,41 +401,19 @@ Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks>
 }
 
 std::string implausible_constant(const Calibration& calibration) {
+  if (std::string text = labjack::implausible_constant(calibration); !text.empty()) return text;
   const Calibration nominal = nominal_calibration();
-  for (std::size_t gain = 0; gain < gain_count; ++gain) {
-    const int index = static_cast<int>(gain);
-    const double positive = nominal.positive_slope_v[gain];
-    const double negative = nominal.negative_slope_v[gain];
-    if (!within(calibration.positive_slope_v[gain], positive, 0.05 * positive)) {
-      return implausible("the slope for positive volts of gain", index,
-                         calibration.positive_slope_v[gain], positive);
-    }
-    if (!within(calibration.negative_slope_v[gain], negative, -0.05 * negative)) {
-      return implausible("the slope for negative volts of gain", index,
-                         calibration.negative_slope_v[gain], negative);
-    }
-    if (!within(calibration.center[gain], nominal.center[gain], 2000.0)) {
-      return implausible("the center of gain", index, calibration.center[gain],
-                         nominal.center[gain]);
-    }
-  }
   for (std::size_t dac = 0; dac < 2; ++dac) {
     const int index = static_cast<int>(dac);
-    if (!within(calibration.dac_slope[dac], nominal.dac_slope[dac], 660.0)) {
-      return implausible("the slope of DAC", index, calibration.dac_slope[dac],
-                         nominal.dac_slope[dac]);
+    if (!labjack::within(calibration.dac_slope[dac], nominal.dac_slope[dac], 660.0)) {
+      return labjack::implausible("the slope of DAC", index, calibration.dac_slope[dac],
+                                  nominal.dac_slope[dac]);
     }
-    if (!within(calibration.dac_offset[dac], 0.0, 1000.0)) {
-      return implausible("the offset of DAC", index, calibration.dac_offset[dac], 0.0);
+    if (!labjack::within(calibration.dac_offset[dac], 0.0, 1000.0)) {
+      return labjack::implausible("the offset of DAC", index, calibration.dac_offset[dac], 0.0);
     }
   }
   return {};
-}
-
-double volts(const Calibration& calibration, std::uint8_t gain, std::uint16_t counts) {
-  const double above = counts - calibration.center[gain];
-  return above < 0.0 ? -above * calibration.negative_slope_v[gain]
-                     : above * calibration.positive_slope_v[gain];
 }
 
 std::uint16_t dac_counts(const Calibration& calibration, int dac, double volts) {

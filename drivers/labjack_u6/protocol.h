@@ -11,14 +11,19 @@
 #include <span>
 #include <string>
 
+#include "drivers/labjack/converter.h"
+
 namespace stickslip::drivers::labjack_u6 {
 
 inline constexpr std::uint16_t vendor_id = 0x0CD5;
 inline constexpr std::uint16_t product_id = 0x0006;
 /// Limit of commands, replies and stream packets: the endpoints take 64 bytes.
 inline constexpr std::size_t largest_packet = 64;
-inline constexpr int gain_count = 4;
-inline constexpr int analog_inputs = 14;
+using labjack::analog_inputs;
+using labjack::gain_count;
+using labjack::gain_of;
+using labjack::input_named;
+using labjack::volts;
 inline constexpr int digital_lines = 20;  ///< FIO0-7, EIO0-7, CIO0-3
 /// The watchdog encodes its line in four bits.
 inline constexpr int watchdog_lines = 16;
@@ -77,11 +82,6 @@ struct StreamChannel {
 Command configure_stream(std::span<const StreamChannel> channels, int resolution_index,
                          int samples_per_packet, int settling, const ScanClock& clock);
 
-/// "AIN0" to "AIN13".
-std::optional<std::uint8_t> input_named(const std::string& name);
-/// The gain with the range +-range_v, if there is one.
-std::optional<std::uint8_t> gain_of(double range_v);
-
 /// Several operations in one command, executed in order. Operations that exceed the command are
 /// dropped; those that this driver combines fit.
 class Feedback {
@@ -117,6 +117,14 @@ struct Verdict {
 
   explicit operator bool() const { return kind == Kind::ok; }
 };
+
+/// In one word, and back; the position is dropped.
+constexpr std::uint32_t packed(const Verdict& verdict) {
+  return static_cast<std::uint32_t>(verdict.kind) | static_cast<std::uint32_t>(verdict.code) << 8U;
+}
+constexpr Verdict unpacked(std::uint32_t word) {
+  return {static_cast<Verdict::Kind>(word & 0xFFU), static_cast<std::uint8_t>(word >> 8U & 0xFFU)};
+}
 
 /// Name of an error code of the board; "unknown error" for others.
 const char* error_name(std::uint8_t code);
@@ -155,12 +163,9 @@ struct FeedbackReply {
 Verdict parse_feedback(std::span<const std::uint8_t> reply, bool lines_read, FeedbackReply& out);
 
 /// Calibration constants of one board.
-struct Calibration {
-  std::array<double, gain_count> positive_slope_v{};  ///< [V/count]
-  std::array<double, gain_count> negative_slope_v{};  ///< [V/count], negative
-  std::array<double, gain_count> center{};            ///< [count] at 0 V
-  std::array<double, 2> dac_slope{};                  ///< [count/V]
-  std::array<double, 2> dac_offset{};                 ///< [count]
+struct Calibration : labjack::ConverterCalibration {
+  std::array<double, 2> dac_slope{};   ///< [count/V]
+  std::array<double, 2> dac_offset{};  ///< [count]
 };
 
 /// Nominal constants; every board is close to them.
@@ -172,8 +177,6 @@ Calibration calibration_of(std::span<const CalibrationBlock, calibration_blocks>
 /// The first implausible constant, with its value and the nominal one; empty if there is none.
 std::string implausible_constant(const Calibration& calibration);
 
-/// Voltage of a count of the stream's converter, at that gain (0 to 3).
-double volts(const Calibration& calibration, std::uint8_t gain, std::uint16_t counts);
 /// The nearest count of the DAC; 0 V for a voltage that is not finite.
 std::uint16_t dac_counts(const Calibration& calibration, int dac, double volts);
 

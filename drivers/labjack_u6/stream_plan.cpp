@@ -24,27 +24,6 @@ std::string line_error(const char* key, const std::optional<int>& line) {
          ": the board has lines 0 to 19 (FIO0-7, EIO0-7, CIO0-3)";
 }
 
-std::string range_error(const char* key, int value, int low, int high) {
-  if (value >= low && value <= high) return {};
-  return std::string(key) + " = " + std::to_string(value) + ": must be " + std::to_string(low) +
-         " to " + std::to_string(high);
-}
-
-/// `table`: that of the input in the configuration.
-std::string input_error(const std::string& table, const config::BenchInput& input) {
-  const std::string where = table + " = labjack_u6/" + input.input + ": ";
-  const auto place = input_named(input.input);
-  if (!place) return where + "the board's inputs are AIN0 to AIN13";
-  if (input.differential && *place % 2 != 0) {
-    return where + "a differential pair begins with an even input (AIN0 against AIN1)";
-  }
-  if (!gain_of(input.range_v)) {
-    return where + "range_v = " + physics::number_text(input.range_v, 9) +
-           ": must be 10, 1, 0.1 or 0.01";
-  }
-  return {};
-}
-
 std::string rate_error(double rate_hz, std::size_t channels) {
   const std::string rate = "loop.rate_hz = " + physics::number_text(rate_hz, 9);
   if (!(rate_hz > 0.0) || !std::isfinite(rate_hz)) return rate + ": must be positive";
@@ -101,7 +80,8 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
     if (!input) continue;
     ++channels;
     const std::string table = "inputs." + std::string(info(channel).stem);
-    if (std::string error = input_error(table, *input); !error.empty()) return error;
+    if (std::string error = labjack::input_error(table, "labjack_u6", *input); !error.empty())
+      return error;
   }
   if (channels == 0) {
     return "no channel is assigned to labjack_u6: its scans pace the loop, so [inputs] must use at "
@@ -111,17 +91,18 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
                                      std::pair("readback.enable", &settings.enable_readback)}) {
     if (!*input) continue;
     ++channels;
-    if (std::string error = input_error(table, **input); !error.empty()) return error;
+    if (std::string error = labjack::input_error(table, "labjack_u6", **input); !error.empty())
+      return error;
   }
   for (const std::string& error :
        {rate_error(rate_hz, channels),
-        range_error("labjack_u6.resolution_index", settings.resolution_index, 0, 8),
-        range_error("labjack_u6.settling", settings.settling, 0, 255),
-        range_error("labjack_u6.samples_per_packet", settings.samples_per_packet.value_or(1), 1,
-                    25),
-        range_error("labjack_u6.transfers", settings.transfers, 1, 64),
-        range_error("labjack_u6.dac", settings.dac, 0, 1),
-        range_error("labjack_u6.watchdog_s", settings.watchdog_s, 0, 65535),
+        labjack::range_error("labjack_u6.resolution_index", settings.resolution_index, 0, 8),
+        labjack::range_error("labjack_u6.settling", settings.settling, 0, 255),
+        labjack::range_error("labjack_u6.samples_per_packet",
+                             settings.samples_per_packet.value_or(1), 1, 25),
+        labjack::range_error("labjack_u6.transfers", settings.transfers, 1, 64),
+        labjack::range_error("labjack_u6.dac", settings.dac, 0, 1),
+        labjack::range_error("labjack_u6.watchdog_s", settings.watchdog_s, 0, 65535),
         line_error("labjack_u6.enable_line", settings.enable_line),
         line_error("labjack_u6.amplifier_fault_line", settings.amplifier_fault_line),
         line_error("labjack_u6.emergency_stop_line", settings.emergency_stop_line),

@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/labjack_u6/stream_session.h"
 
-#include <sys/time.h>
-#include <time.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cmath>
 #include <system_error>
 #include <utility>
 
@@ -14,40 +9,7 @@ namespace stickslip::drivers::labjack_u6 {
 
 namespace {
 
-constexpr std::int64_t reply_timeout_ns = 250'000'000;
 constexpr std::size_t reply_transfers = 4;
-
-// State of a slot, packed in one word.
-enum class Phase : std::uint8_t { idle, waiting, done, failed };
-constexpr std::uint64_t word_of(Phase phase, std::uint8_t echo, const Verdict& verdict = {}) {
-  return static_cast<std::uint64_t>(phase) | static_cast<std::uint64_t>(echo) << 8U |
-         static_cast<std::uint64_t>(verdict.kind) << 16U |
-         static_cast<std::uint64_t>(verdict.code) << 24U |
-         static_cast<std::uint64_t>(verdict.position) << 32U;
-}
-constexpr Phase phase_of(std::uint64_t word) { return static_cast<Phase>(word & 0xFFU); }
-constexpr std::uint8_t echo_of(std::uint64_t word) {
-  return static_cast<std::uint8_t>(word >> 8U & 0xFFU);
-}
-constexpr Verdict verdict_of(std::uint64_t word) {
-  return {static_cast<Verdict::Kind>(word >> 16U & 0xFFU),
-          static_cast<std::uint8_t>(word >> 24U & 0xFFU),
-          static_cast<std::uint8_t>(word >> 32U & 0xFFU)};
-}
-
-/// Two seconds of frames: a loop that is later than that has failed anyway.
-std::size_t frame_capacity(const ScanClock& clock) {
-  return static_cast<std::size_t>(std::max(1024.0, 2.0 * clock.rate_hz()));
-}
-
-timespec monotonic_in(std::int64_t ns) {
-  timespec due{};
-  clock_gettime(CLOCK_MONOTONIC, &due);
-  due.tv_nsec += ns % 1'000'000'000;
-  due.tv_sec += ns / 1'000'000'000 + due.tv_nsec / 1'000'000'000;
-  due.tv_nsec %= 1'000'000'000;
-  return due;
-}
 
 }  // namespace
 
@@ -57,13 +19,9 @@ StreamSession::StreamSession(libusb_context* context, libusb_device_handle* hand
       handle_(handle),
       plan_(std::move(plan)),
       decoder_(static_cast<int>(plan_.scan.size()), plan_.samples_per_packet),
-      frames_(frame_capacity(plan_.clock)),
+      frames_(labjack::frame_capacity(plan_.clock.rate_hz())),
       lines_(lines),
-      counts_(counts) {
-  sem_init(&available_, 0, 0);
-}
-
-StreamSession::~StreamSession() { sem_destroy(&available_); }
+      counts_(counts) {}
 
 bool StreamSession::allocate() {
   const auto add = [this](std::vector<Incoming>& to, std::uint8_t endpoint, std::size_t bytes,
@@ -153,7 +111,7 @@ bool StreamSession::submit(libusb_transfer* transfer) {
 
 void StreamSession::finish(StreamEnd reason) {
   StreamEnd expected = StreamEnd::not_ended;
-  if (end_.compare_exchange_strong(expected, reason)) sem_post(&available_);
+  if (end_.compare_exchange_strong(expected, reason)) frames_.close();
 }
 
 /// True if the received data may be used and the transfer resubmitted.
@@ -257,31 +215,7 @@ void StreamSession::put(const Scan& scan) {
   OutputReadings outputs;
   if (plan_.drive_readback) outputs.drive_v = volts_at(*plan_.drive_readback);
   if (plan_.enable_readback) outputs.enable_v = volts_at(*plan_.enable_readback);
-  // If the loop does not read, the newest frames are lost, which the sequence shows.
-  const std::uint64_t made = frames_made_.load(std::memory_order_relaxed);
-  if (made - frames_taken_.load(std::memory_order_acquire) == frames_.size()) return;
-  frames_[made % frames_.size()] = {frame, outputs};
-  frames_made_.store(made + 1, std::memory_order_release);
-  sem_post(&available_);
-}
-
-bool StreamSession::next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns) {
-  if (sem_trywait(&available_) != 0) {
-    if (ended() != StreamEnd::not_ended) return false;
-    const timespec due = monotonic_in(timeout_ns);
-    int waited = 0;
-    do {
-      waited = sem_clockwait(&available_, CLOCK_MONOTONIC, &due);
-    } while (waited != 0 && errno == EINTR);
-    if (waited != 0) return false;
-  }
-  const std::uint64_t taken = frames_taken_.load(std::memory_order_relaxed);
-  if (taken == frames_made_.load(std::memory_order_acquire)) return false;  // woken by the end
-  const Received& received = frames_[taken % frames_.size()];
-  frame = received.frame;
-  outputs = received.outputs;
-  frames_taken_.store(taken + 1, std::memory_order_release);
-  return true;
+  frames_.put(frame, outputs);
 }
 
 void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
@@ -289,9 +223,8 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
   const Verdict verdict = parse_feedback(reply, true, feedback);
   if (verdict || verdict.kind == Verdict::Kind::error) {
     for (const Slot slot : {Slot::set_point, Slot::off, Slot::lines}) {
-      const std::uint64_t word = at(slot).word.load(std::memory_order_acquire);
-      if (phase_of(word) != Phase::waiting || echo_of(word) != feedback.echo) continue;
-      if (verdict) lines_.update(feedback.lines, at(slot).sent_ns);
+      if (!at(slot).slot.waits_for(feedback.echo)) continue;
+      if (verdict) lines_.update(feedback.lines, at(slot).slot.sent_ns());
       settle(at(slot), verdict);
     }
     return;  // without a slot: its command timed out, and its levels are old
@@ -301,51 +234,30 @@ void StreamSession::dispatch(std::span<const std::uint8_t> reply) {
 }
 
 void StreamSession::settle(Outgoing& outgoing, const Verdict& verdict) {
-  std::uint64_t word = outgoing.word.load(std::memory_order_acquire);
-  if (phase_of(word) != Phase::waiting) return;
-  const Phase phase = verdict ? Phase::done : Phase::failed;
-  outgoing.word.compare_exchange_strong(word, word_of(phase, echo_of(word), verdict));
+  outgoing.slot.settle(static_cast<bool>(verdict), packed(verdict));
 }
 
 void StreamSession::settle_all(const Verdict& verdict) {
   for (Outgoing& outgoing : outgoing_) settle(outgoing, verdict);
 }
 
-StreamSession::Progress StreamSession::progress(Slot slot, std::int64_t now_ns) {
-  Outgoing& outgoing = at(slot);
-  std::uint64_t word = outgoing.word.load(std::memory_order_acquire);
-  using Kind = Progress::Kind;
-  if (phase_of(word) == Phase::idle) return {};
-  if (phase_of(word) == Phase::waiting) {
-    if (now_ns - outgoing.sent_ns < reply_timeout_ns) return {Kind::in_progress, {}, 0};
-    const std::uint64_t idle = word_of(Phase::idle, 0);
-    if (outgoing.word.compare_exchange_strong(word, idle)) return {Kind::timed_out, {}, 0};
-    // The reply arrived meanwhile, and `word` holds it.
-  }
-  outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
-  return {phase_of(word) == Phase::done ? Kind::done : Kind::failed, verdict_of(word),
-          outgoing.sent_ns};
-}
-
 bool StreamSession::free(Slot slot) const {
   const Outgoing& outgoing = at(slot);
-  return phase_of(outgoing.word.load(std::memory_order_acquire)) == Phase::idle &&
-         !outgoing.leaving.load(std::memory_order_acquire);
+  return outgoing.slot.idle() && !outgoing.leaving.load(std::memory_order_acquire);
 }
 
 bool StreamSession::send(Slot slot, const Command& command, std::uint8_t echo,
                          std::int64_t now_ns) {
   Outgoing& outgoing = at(slot);
   outgoing.command = command;
-  outgoing.sent_ns = now_ns;
   libusb_fill_bulk_transfer(outgoing.transfer.get(), handle_, command_endpoint,
                             outgoing.command.bytes.data(), static_cast<int>(command.size),
                             command_sent, &outgoing, send_timeout_ms);
-  outgoing.word.store(word_of(Phase::waiting, echo), std::memory_order_release);
+  outgoing.slot.begin(echo, now_ns);
   outgoing.leaving.store(true, std::memory_order_release);
   if (submit(outgoing.transfer.get())) return true;
   outgoing.leaving.store(false, std::memory_order_release);
-  outgoing.word.store(word_of(Phase::idle, 0), std::memory_order_release);
+  outgoing.slot.withdraw();
   return false;
 }
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <libusb-1.0/libusb.h>
-#include <semaphore.h>
 
 #include <array>
 #include <atomic>
@@ -14,6 +13,9 @@
 #include <vector>
 
 #include "drivers/driver.h"
+#include "drivers/labjack/command_slot.h"
+#include "drivers/labjack/frame_queue.h"
+#include "drivers/labjack/lines.h"
 #include "drivers/labjack_u6/board_link.h"
 #include "drivers/labjack_u6/protocol.h"
 #include "drivers/labjack_u6/stream_decoder.h"
@@ -32,31 +34,13 @@ enum class StreamEnd : std::uint8_t {
   board_error,  ///< a packet holds an error code
 };
 
-/// Commands that may be in progress simultaneously, one per slot.
-enum class Slot : std::uint8_t { set_point, off, lines };
-inline constexpr std::size_t slot_count = 3;
 /// A command that the board has not accepted by then is withdrawn.
 inline constexpr unsigned send_timeout_ms = 100;
 
-/// Older levels are unknown: a wire that may have been cut counts as cut.
-inline constexpr std::int64_t line_validity_ns = 100'000'000;
-
-/// The digital lines as last reported; for any thread. One thread writes at a time.
-class Lines {
- public:
-  /// `requested_ns`: send time of the command with this reply; the levels are not older.
-  void update(std::uint32_t levels, std::int64_t requested_ns) {
-    levels_.store(levels, std::memory_order_relaxed);
-    requested_ns_.store(requested_ns, std::memory_order_release);
-  }
-  /// To be read before the levels, which are then not older than this.
-  std::int64_t requested_ns() const { return requested_ns_.load(std::memory_order_acquire); }
-  std::uint32_t levels() const { return levels_.load(std::memory_order_relaxed); }
-
- private:
-  std::atomic<std::uint32_t> levels_{0};
-  std::atomic<std::int64_t> requested_ns_{0};
-};
+using labjack::Lines;
+using labjack::Progress;
+using labjack::Slot;
+using labjack::slot_count;
 
 /// Counters of a board over all its streams; for any thread. One thread writes at a time.
 struct StreamCounts {
@@ -73,7 +57,7 @@ class StreamSession {
  public:
   StreamSession(libusb_context* context, libusb_device_handle* handle, StreamPlan plan,
                 Lines& lines, StreamCounts& counts);
-  ~StreamSession();
+  ~StreamSession() = default;
   StreamSession(const StreamSession&) = delete;
   StreamSession& operator=(const StreamSession&) = delete;
 
@@ -86,18 +70,13 @@ class StreamSession {
 
   /// The next frame and the outputs as read back with it, in volts; waits for it at most that long.
   /// Does not allocate or lock.
-  bool next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns);
+  bool next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns) {
+    return frames_.next(frame, outputs, timeout_ns);
+  }
   StreamEnd ended() const { return end_.load(std::memory_order_acquire); }
   std::uint8_t board_error() const { return board_error_.load(std::memory_order_relaxed); }
 
-  /// Progress of the command in a slot. A result is returned once: the next call returns `none`.
-  struct Progress {
-    enum class Kind : std::uint8_t { none, in_progress, done, failed, timed_out };
-    Kind kind = Kind::none;
-    Verdict verdict;           ///< failed; where the command could not be sent, of Kind::length
-    std::int64_t sent_ns = 0;  ///< done, failed: when the command was sent
-  };
-  Progress progress(Slot slot, std::int64_t now_ns);
+  Progress progress(Slot slot, std::int64_t now_ns) { return at(slot).slot.progress(now_ns); }
   /// True if no command of that slot is in progress.
   bool free(Slot slot) const;
   /// Only where free(). A Feedback carries `echo` and reads the lines. False: it was not sent.
@@ -116,10 +95,8 @@ class StreamSession {
     StreamSession* session = nullptr;
     Transfer transfer;
     Command command;
-    // Phase, echo and verdict in one word, so that a reply and a time-out cannot both take effect.
-    std::atomic<std::uint64_t> word{0};
+    labjack::CommandSlot slot;
     std::atomic<bool> leaving{false};  // its buffer is in use by the kernel
-    std::atomic<std::int64_t> sent_ns{0};
   };
 
   static void LIBUSB_CALL samples_received(libusb_transfer* transfer);
@@ -148,15 +125,7 @@ class StreamSession {
   std::vector<Incoming> stream_;
   std::vector<Incoming> replies_;
   std::array<Outgoing, slot_count> outgoing_;
-  // Ring buffer from the event thread to the loop. Each thread counts its own frames.
-  struct Received {
-    Frame frame;
-    OutputReadings outputs;
-  };
-  std::vector<Received> frames_;
-  std::atomic<std::uint64_t> frames_made_{0};
-  std::atomic<std::uint64_t> frames_taken_{0};
-  sem_t available_{};
+  labjack::FrameQueue frames_;
   std::atomic<StreamEnd> end_{StreamEnd::not_ended};
   std::atomic<std::uint8_t> board_error_{0};
   Lines& lines_;

@@ -33,7 +33,7 @@ FORBIDDEN = {
     "a command line": r"CLI/.*",
 }
 # Folders of drivers/ that hold no device: parts that devices share, and what makes the configured ones.
-SHARED_BY_DRIVERS = {"clock", "serial", "usb"}
+SHARED_BY_DRIVERS = {"clock", "labjack", "serial", "usb"}
 ASSEMBLY_OF_DRIVERS = "factory"
 INPUT_OUTPUT_CALLS = re.compile(r"\b(printf|fprintf|puts|fputs|fopen|getenv)\(")
 

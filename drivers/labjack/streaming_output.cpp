@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "drivers/labjack_u6/streaming_output.h"
+#include "drivers/labjack/streaming_output.h"
 
 #include <algorithm>
 #include <cstdio>
 
-#include "drivers/labjack_u6/stream_plan.h"
-
-namespace stickslip::drivers::labjack_u6 {
+namespace stickslip::drivers::labjack {
 
 namespace {
 
@@ -15,15 +13,11 @@ constexpr std::int64_t line_period_ns = 20'000'000;
 // A set-point may take longer than the levels stay valid. One lost reply must not stop a rig: a
 // separate request is sent early enough to be answered.
 constexpr std::int64_t line_request_ns = line_validity_ns / 2;
-// "On" may reach the board this long after it was sent; the watchdog must not have acted by then.
-constexpr std::int64_t max_transit_ns = std::int64_t{send_timeout_ms} * 1'000'000;
 
 constexpr const char* off_failed =
     "switching the amplifier off was not confirmed; the command is repeated";
 constexpr const char* set_point_failed = "a set-point did not arrive";
 constexpr const char* not_sent = "the command could not be sent";
-
-using Progress = StreamSession::Progress;
 
 bool failed(const Progress& progress) {
   return progress.kind == Progress::Kind::failed || progress.kind == Progress::Kind::timed_out;
@@ -31,59 +25,49 @@ bool failed(const Progress& progress) {
 
 unsigned bit_of(Slot slot) { return 1U << static_cast<unsigned>(slot); }
 
-const char* reason(const Progress& progress) {
+const char* reason(const OutputPort& port, const Progress& progress) {
   if (progress.kind == Progress::Kind::timed_out) return "no answer within 0.25 s";
-  switch (progress.verdict.kind) {
-    case Verdict::Kind::error:
-      return error_name(progress.verdict.code);
-    case Verdict::Kind::checksum:
-      return "the reply was corrupted";
-    case Verdict::Kind::refused:
-      return "the command was corrupted";
-    default:
-      return "the command could not be sent, or the reply has an unexpected format";
-  }
+  return port.reason(progress);
 }
 
 }  // namespace
 
-StreamingOutput::StreamingOutput(const config::LabjackU6& settings, const std::string& name,
-                                 StreamSession& session, Lines& lines, std::uint8_t& echo,
-                                 std::uint16_t sent_counts, std::int64_t now_ns)
-    : settings_(settings),
+StreamingOutput::StreamingOutput(const OutputRules& rules, const std::string& name,
+                                 OutputPort& port, const Lines& lines, SetPoint sent,
+                                 std::int64_t now_ns)
+    : rules_(rules),
       name_(name),
-      session_(session),
+      port_(port),
       lines_(lines),
-      echo_(echo),
-      sent_counts_(sent_counts),
+      sent_(sent),
       sent_ns_(now_ns),
       confirmed_ns_(now_ns) {}
 
-void StreamingOutput::apply(std::uint16_t counts, bool requested, bool on, std::int64_t now_ns) {
+void StreamingOutput::apply(SetPoint wanted, bool requested, bool on, std::int64_t now_ns) {
   if (watchdog_expired(now_ns)) tripped_ = true;
   if (!requested) tripped_ = false;
   // "Off" goes out before anything else is processed.
-  if ((!on || tripped_) && on_) turn_off(counts, now_ns);
+  if ((!on || tripped_) && on_) turn_off(wanted, now_ns);
   collect(now_ns);
   request_lines(now_ns);
   if (on && !tripped_) {
-    keep_on(counts, now_ns);
+    keep_on(wanted, now_ns);
   } else {
-    keep_off(counts, now_ns);
+    keep_off(wanted, now_ns);
   }
 }
 
 void StreamingOutput::refresh_while_off(std::int64_t now_ns) {
-  if (!is_due(sent_counts_, false, now_ns)) return;
+  if (!is_due(sent_, false, now_ns)) return;
   collect(now_ns);
   request_lines(now_ns);
-  keep_off(sent_counts_, now_ns);
+  keep_off(sent_, now_ns);
 }
 
 void StreamingOutput::send_pending_set_point(std::int64_t now_ns) {
   if (watchdog_expired(now_ns)) tripped_ = true;
   collect(now_ns);
-  if (!tripped_) send_set_point(wanted_counts_, true, now_ns);
+  if (!tripped_) send_set_point(wanted_, true, now_ns);
 }
 
 const char* StreamingOutput::report_failure() {
@@ -95,8 +79,8 @@ const char* StreamingOutput::report_failure() {
 
 /// True if the watchdog has acted, or should have, for lack of confirmed commands.
 bool StreamingOutput::watchdog_expired(std::int64_t now_ns) const {
-  return has_watchdog(settings_) && on_ &&
-         now_ns - confirmed_ns_ > settings_.watchdog_s * second_ns - max_transit_ns;
+  return rules_.watchdog_s > 0 && on_ &&
+         now_ns - confirmed_ns_ > rules_.watchdog_s * second_ns - rules_.max_transit_ns;
 }
 
 void StreamingOutput::collect(std::int64_t now_ns) {
@@ -118,95 +102,83 @@ void StreamingOutput::note_success(Slot slot, std::int64_t sent_ns) {
 }
 
 void StreamingOutput::collect_set_point(std::int64_t now_ns) {
-  const Progress progress = session_.progress(Slot::set_point, now_ns);
+  const Progress progress = port_.progress(Slot::set_point, now_ns);
   if (progress.kind == Progress::Kind::done) note_success(Slot::set_point, progress.sent_ns);
   if (!failed(progress)) return;
   resend_ = true;
-  note_failure(Slot::set_point, set_point_failed, reason(progress));
+  note_failure(Slot::set_point, set_point_failed, reason(port_, progress));
 }
 
 void StreamingOutput::collect_off(std::int64_t now_ns) {
-  const Progress progress = session_.progress(Slot::off, now_ns);
+  const Progress progress = port_.progress(Slot::off, now_ns);
   if (progress.kind == Progress::Kind::done) {
     off_unconfirmed_ = false;
     note_success(Slot::off, progress.sent_ns);
   }
   if (!failed(progress)) return;
-  note_failure(Slot::off, off_failed, reason(progress));
-}
-
-bool StreamingOutput::reads_lines() const {
-  return settings_.amplifier_fault_line || settings_.emergency_stop_line;
+  note_failure(Slot::off, off_failed, reason(port_, progress));
 }
 
 /// A missing reply shows in the age of the levels and is not reported separately.
 void StreamingOutput::request_lines(std::int64_t now_ns) {
-  if (!reads_lines()) return;
-  session_.progress(Slot::lines, now_ns);
-  if (now_ns - lines_.requested_ns() < line_request_ns || !session_.free(Slot::lines)) return;
-  Feedback feedback(++echo_);
-  session_.send(Slot::lines, feedback.read_lines().command(), echo_, now_ns);
+  if (!rules_.reads_lines) return;
+  port_.progress(Slot::lines, now_ns);
+  if (now_ns - lines_.requested_ns() < line_request_ns || !port_.free(Slot::lines)) return;
+  port_.send_request_of_lines(now_ns);
 }
 
-void StreamingOutput::turn_off(std::uint16_t counts, std::int64_t now_ns) {
+void StreamingOutput::turn_off(SetPoint wanted, std::int64_t now_ns) {
   on_ = false;
   sent_on_ = false;
   off_unconfirmed_ = true;
   // While an "off" is in progress no "on" is sent, so it is the latest command already.
-  if (!session_.free(Slot::off)) return;
-  Feedback feedback(++echo_);
-  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, false);
-  feedback.dac(settings_.dac, counts).read_lines();
-  if (session_.send(Slot::off, feedback.command(), echo_, now_ns)) {
+  if (!port_.free(Slot::off)) return;
+  if (port_.send_output(Slot::off, wanted, false, now_ns)) {
     sent_ns_ = now_ns;
-    sent_counts_ = counts;
+    sent_ = wanted;
   } else {
     note_failure(Slot::off, off_failed, not_sent);
   }
 }
 
-void StreamingOutput::keep_off(std::uint16_t counts, std::int64_t now_ns) {
+void StreamingOutput::keep_off(SetPoint wanted, std::int64_t now_ns) {
   if (off_unconfirmed_) {
-    if (session_.free(Slot::off)) turn_off(counts, now_ns);
+    if (port_.free(Slot::off)) turn_off(wanted, now_ns);
     return;
   }
-  if (is_due(counts, false, now_ns)) send_set_point(counts, false, now_ns);
+  if (is_due(wanted, false, now_ns)) send_set_point(wanted, false, now_ns);
 }
 
-void StreamingOutput::keep_on(std::uint16_t counts, std::int64_t now_ns) {
+void StreamingOutput::keep_on(SetPoint wanted, std::int64_t now_ns) {
   if (off_unconfirmed_) {  // settled first
-    keep_off(counts, now_ns);
+    keep_off(wanted, now_ns);
     return;
   }
   // The command that enables the amplifier restarts the watchdog.
   if (!on_) confirmed_ns_ = std::max(confirmed_ns_, now_ns);
   on_ = true;
-  wanted_counts_ = counts;
-  if (is_due(counts, true, now_ns)) send_set_point(counts, true, now_ns);
+  wanted_ = wanted;
+  if (is_due(wanted, true, now_ns)) send_set_point(wanted, true, now_ns);
 }
 
-bool StreamingOutput::is_due(std::uint16_t counts, bool on, std::int64_t now_ns) const {
-  if (resend_ || counts != sent_counts_ || on != sent_on_) return true;
+bool StreamingOutput::is_due(SetPoint wanted, bool on, std::int64_t now_ns) const {
+  if (resend_ || wanted != sent_ || on != sent_on_) return true;
   std::int64_t quiet_ns = second_ns;
-  if (reads_lines()) quiet_ns = line_period_ns;
-  if (has_watchdog(settings_)) quiet_ns = std::min(quiet_ns, settings_.watchdog_s * second_ns / 3);
+  if (rules_.reads_lines) quiet_ns = line_period_ns;
+  if (rules_.watchdog_s > 0) quiet_ns = std::min(quiet_ns, rules_.watchdog_s * second_ns / 3);
   return now_ns - sent_ns_ >= quiet_ns;
 }
 
-void StreamingOutput::send_set_point(std::uint16_t counts, bool on, std::int64_t now_ns) {
-  if (!session_.free(Slot::set_point)) return;  // the next write brings a newer one
-  Feedback feedback(++echo_);
-  feedback.dac(settings_.dac, counts);
-  if (settings_.enable_line) feedback.set_line(*settings_.enable_line, on);
-  feedback.read_lines();
-  if (!session_.send(Slot::set_point, feedback.command(), echo_, now_ns)) {
+void StreamingOutput::send_set_point(SetPoint wanted, bool on, std::int64_t now_ns) {
+  if (!port_.free(Slot::set_point)) return;  // the next write brings a newer one
+  if (!port_.send_output(Slot::set_point, wanted, on, now_ns)) {
     note_failure(Slot::set_point, set_point_failed, not_sent);
     return;
   }
   resend_ = false;
   sent_on_ = on;
-  sent_counts_ = counts;
+  sent_ = wanted;
   sent_ns_ = now_ns;
 }
 
-}  // namespace stickslip::drivers::labjack_u6
+}  // namespace stickslip::drivers::labjack
