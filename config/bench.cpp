@@ -3,6 +3,18 @@
 
 namespace stickslip::config {
 
+const LabjackOutput* output_of(const Bench& bench) {
+  switch (bench.board) {
+    case BoardKind::labjack_u6:
+      return &bench.labjack_u6;
+    case BoardKind::labjack_t7:
+      return &bench.labjack_t7;
+    case BoardKind::usb_1208fs_plus:
+      break;
+  }
+  return nullptr;
+}
+
 BenchInputs inputs_of(const BenchInputs& inputs, const std::string& device) {
   BenchInputs own{};
   for (std::size_t i = 0; i < inputs.size(); ++i) {

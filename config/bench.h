@@ -16,18 +16,20 @@
 namespace stickslip::config {
 
 /// The board whose scans are the frames.
-enum class BoardKind { labjack_u6, usb_1208fs_plus };
+enum class BoardKind { labjack_u6, labjack_t7, usb_1208fs_plus };
 
 template <>
 inline constexpr auto names<BoardKind> = std::to_array<Name<BoardKind>>({
     {BoardKind::labjack_u6, "labjack_u6"},
+    {BoardKind::labjack_t7, "labjack_t7"},
     {BoardKind::usb_1208fs_plus, "usb_1208fs_plus"},
 });
 
 /// [inputs.CHANNEL]: source of a channel. `from` in the file is DEVICE/INPUT.
 struct BenchInput {
-  std::string device;  ///< "labjack_u6", "usb_1208fs_plus", "phidget_bridge", or a [[modbus]] name
-  std::string input;   ///< "AIN3"; "2" of a bridge; name of a register in the map
+  /// "labjack_u6", "labjack_t7", "usb_1208fs_plus", "phidget_bridge", or a [[modbus]] name
+  std::string device;
+  std::string input;          ///< "AIN3"; "2" of a bridge; name of a register in the map
   double range_v = 10.0;      ///< boards: the range is +-range_v
   bool differential = false;  ///< boards: relative to the next input (AIN0 - AIN1)
   int gain = 1;               ///< bridges
@@ -36,15 +38,11 @@ struct BenchInput {
 /// By channel; empty if the bench does not measure it.
 using BenchInputs = std::array<std::optional<BenchInput>, channel_count>;
 
-/// [labjack_u6]
-struct LabjackU6 {
-  std::optional<std::uint32_t> serial;    ///< absent: the only one attached
-  int resolution_index = 0;               ///< 0 to 8, of StreamConfig
-  int settling = 0;                       ///< settling factor of StreamConfig
-  std::optional<int> samples_per_packet;  ///< 1 to 25; absent: those of 5 ms
-  int transfers = 8;                      ///< stream transfers in flight
-  int dac = 0;                            ///< output to the amplifier, 0 or 1
-  /// Digital lines, 0 to 19 (FIO0-7, EIO0-7, CIO0-3). Absent: not wired.
+/// Output, digital lines and watchdog of a LabJack board.
+struct LabjackOutput {
+  int dac = 0;  ///< output to the amplifier, 0 or 1
+  /// Digital lines: FIO0-7, EIO0-7, CIO0-3 are 0 to 19, MIO0-2 of the T7 20 to 22. Absent: not
+  /// wired.
   std::optional<int> enable_line;  ///< high: the amplifier may be on
   std::optional<int>
       amplifier_fault_line;  ///< low: fault (also with a cut wire, which is pulled down)
@@ -54,6 +52,29 @@ struct LabjackU6 {
   /// Scanned after the channels; [readback].
   std::optional<BenchInput> drive_readback;
   std::optional<BenchInput> enable_readback;
+
+  /// True if the board's watchdog guards the enable line.
+  bool has_watchdog() const { return watchdog_s > 0 && enable_line.has_value(); }
+};
+
+/// [labjack_u6]
+struct LabjackU6 : LabjackOutput {
+  std::optional<std::uint32_t> serial;    ///< absent: the only one attached
+  int resolution_index = 0;               ///< 0 to 8, of StreamConfig
+  int settling = 0;                       ///< settling factor of StreamConfig
+  std::optional<int> samples_per_packet;  ///< 1 to 25; absent: those of 5 ms
+  int transfers = 8;                      ///< stream transfers in flight
+};
+
+/// [labjack_t7]
+struct LabjackT7 : LabjackOutput {
+  std::string host;                     ///< name or address
+  int port = 502;                       ///< of its Modbus TCP server
+  int stream_port = 702;                ///< to which it sends its stream
+  std::optional<std::uint32_t> serial;  ///< absent: the board at `host`, whichever it is
+  int resolution_index = 0;             ///< 0 to 8, of the stream
+  double settling_us = 0.0;             ///< 0 to 4400, between two inputs; 0: the board's choice
+  std::optional<int> scans_per_packet;  ///< absent: those of 5 ms
 };
 
 /// [usb_1208fs_plus]
@@ -206,6 +227,7 @@ struct Bench {
   BenchInputs inputs{};
   ShakerOutput shaker;
   LabjackU6 labjack_u6;
+  LabjackT7 labjack_t7;
   Usb1208fsPlus usb_1208fs_plus;
   PhidgetBridge phidget_bridge;
   std::vector<ModbusUnit> modbus;
@@ -213,6 +235,9 @@ struct Bench {
   std::optional<Amplifier> amplifier;
   Readback readback;
 };
+
+/// Those of the board of the bench; null if it has none.
+const LabjackOutput* output_of(const Bench& bench);
 
 /// Those of the inputs that belong to a device.
 BenchInputs inputs_of(const BenchInputs& inputs, const std::string& device);

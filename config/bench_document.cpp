@@ -19,10 +19,12 @@ namespace stickslip::config {
 namespace {
 
 constexpr double u6_samples_per_s = 50'000.0;
+constexpr double t7_samples_per_s = 100'000.0;
+constexpr double t7_samples_per_packet = 512.0;
 constexpr double usb_1208fs_samples_per_s = 51'200.0;
-constexpr int u6_inputs = 14;
+constexpr int labjack_inputs = 14;
 constexpr int usb_1208fs_inputs = 8;
-constexpr std::array u6_ranges_v = {10.0, 1.0, 0.1, 0.01};
+constexpr std::array labjack_ranges_v = {10.0, 1.0, 0.1, 0.01};
 constexpr std::array usb_1208fs_ranges_v = {20.0, 10.0, 5.0, 4.0, 2.5, 2.0, 1.25, 1.0};
 constexpr std::array bridge_gains = {1, 8, 16, 32, 64, 128};
 constexpr std::string_view bridge = "phidget_bridge";
@@ -89,7 +91,12 @@ void check_form(Document& document, Readback& readback) {
 class Checker {
  public:
   Checker(Document& document, const Rig& rig)
-      : document_(document), rig_(rig), bench_(rig.bench), board_(name_of(rig.bench.board)) {}
+      : document_(document),
+        rig_(rig),
+        bench_(rig.bench),
+        board_(name_of(rig.bench.board)),
+        output_(output_of(rig.bench)),
+        labjack_(output_ != nullptr) {}
 
   void check() {
     check_units();
@@ -107,6 +114,7 @@ class Checker {
     check_readback();
     const int spare = (bench_.readback.drive ? 1 : 0) + (bench_.readback.enable ? 1 : 0);
     check_rate(static_cast<double>(count + spare));
+    check_packet(static_cast<double>(count + spare));
     check_lines();
     check_dead_daemon();
     check_shaker();
@@ -119,8 +127,8 @@ class Checker {
 
  private:
   void check_name(const std::string& at, const std::string& name) {
-    if (name.find('/') != std::string::npos || name == bridge || name == "labjack_u6" ||
-        name == "usb_1208fs_plus") {
+    const bool board = value_in(names<BoardKind>, name).has_value();
+    if (name.find('/') != std::string::npos || name == bridge || board) {
       document_.report(at, "\"" + name +
                                "\" cannot name a device: expected a name without '/' that no other "
                                "device has");
@@ -194,10 +202,10 @@ class Checker {
   void check_readback() {
     const auto check = [this](const std::string& table, const BenchInput& input) {
       const std::string from = input.device + "/" + input.input;
-      if (bench_.board != BoardKind::labjack_u6 || input.device != board_) {
+      if (!labjack_ || input.device != board_) {
         document_.report(table + ".from", "is \"" + from +
                                               "\": outputs are read back by spare inputs of a "
-                                              "labjack_u6 that is the board");
+                                              "labjack_u6 or labjack_t7 that is the board");
         return;
       }
       const auto [taken, first] = taken_.emplace(from, table);
@@ -227,24 +235,24 @@ class Checker {
   }
 
   void check_board_input(const std::string& path, const BenchInput& input) {
-    const bool u6 = bench_.board == BoardKind::labjack_u6;
-    const int inputs = u6 ? u6_inputs : input.differential ? 4 : usb_1208fs_inputs;
-    const char* prefix = u6 ? "AIN" : "CH";
+    const int inputs = labjack_ ? labjack_inputs : input.differential ? 4 : usb_1208fs_inputs;
+    const char* prefix = labjack_ ? "AIN" : "CH";
     const auto number = numbered(input.input, prefix, inputs);
-    if (!number || (u6 && input.differential && *number % 2 != 0)) {
-      document_.report(
-          path + ".from",
-          "\"" + input.input + "\" is " + (input.differential ? "not a differential " : "not an ") +
-              "input of " + board_ + ": expected " + prefix + "0 to " + prefix +
-              std::to_string(inputs - 1) + (u6 && input.differential ? ", the even ones" : ""));
+    if (!number || (labjack_ && input.differential && *number % 2 != 0)) {
+      document_.report(path + ".from",
+                       "\"" + input.input + "\" is " +
+                           (input.differential ? "not a differential " : "not an ") + "input of " +
+                           board_ + ": expected " + prefix + "0 to " + prefix +
+                           std::to_string(inputs - 1) +
+                           (labjack_ && input.differential ? ", the even ones" : ""));
     }
-    check_range(path, input, u6);
+    check_range(path, input);
   }
 
-  void check_range(const std::string& path, const BenchInput& input, bool u6) {
-    std::vector<double> ranges(u6_ranges_v.begin(), u6_ranges_v.end());
-    if (!u6) ranges.assign(usb_1208fs_ranges_v.begin(), usb_1208fs_ranges_v.end());
-    if (!u6 && !input.differential) ranges = {10.0};
+  void check_range(const std::string& path, const BenchInput& input) {
+    std::vector<double> ranges(labjack_ranges_v.begin(), labjack_ranges_v.end());
+    if (!labjack_) ranges.assign(usb_1208fs_ranges_v.begin(), usb_1208fs_ranges_v.end());
+    if (!labjack_ && !input.differential) ranges = {10.0};
     if (std::find(ranges.begin(), ranges.end(), input.range_v) != ranges.end()) return;
     std::string list;
     for (const double range : ranges) list += (list.empty() ? "" : ", ") + short_of(range);
@@ -294,8 +302,7 @@ class Checker {
   }
 
   void check_rate(double inputs) {
-    const bool u6 = bench_.board == BoardKind::labjack_u6;
-    const double most = u6 ? u6_samples_per_s : usb_1208fs_samples_per_s;
+    const double most = samples_per_s();
     if (inputs * rig_.loop.rate_hz > most) {
       document_.report("loop.rate_hz", "is too fast for " + short_of(inputs) + " inputs of " +
                                            board_ + ": expected at most " +
@@ -303,43 +310,62 @@ class Checker {
     }
   }
 
-  void check_lines() {
-    std::map<int, const char*> used;
-    const LabjackU6& u6 = bench_.labjack_u6;
-    const std::array<std::pair<const char*, std::optional<int>>, 3> lines = {{
-        {"labjack_u6.enable_line", u6.enable_line},
-        {"labjack_u6.amplifier_fault_line", u6.amplifier_fault_line},
-        {"labjack_u6.emergency_stop_line", u6.emergency_stop_line},
-    }};
-    for (const auto& [path, line] : lines) {
-      if (!line) continue;
-      const auto [other, first] = used.emplace(*line, path);
-      if (!first) document_.report(path, std::string("is already the line of ") + other->second);
+  double samples_per_s() const {
+    switch (bench_.board) {
+      case BoardKind::labjack_u6:
+        return u6_samples_per_s;
+      case BoardKind::labjack_t7:
+        return t7_samples_per_s;
+      case BoardKind::usb_1208fs_plus:
+        break;
     }
-    const bool enable = u6.enable_line || (bench_.amplifier && bench_.amplifier->enable);
+    return usb_1208fs_samples_per_s;
+  }
+
+  void check_packet(double inputs) {
+    if (bench_.board != BoardKind::labjack_t7 || !bench_.labjack_t7.scans_per_packet) return;
+    const double most = std::floor(t7_samples_per_packet / inputs);
+    if (*bench_.labjack_t7.scans_per_packet <= most) return;
+    document_.report("labjack_t7.scans_per_packet",
+                     "is " + std::to_string(*bench_.labjack_t7.scans_per_packet) +
+                         ": a packet has 512 samples at most, so with " + short_of(inputs) +
+                         " inputs expected " + short_of(most) + " or less");
+  }
+
+  void check_lines() {
+    std::map<int, std::string> used;
+    const LabjackOutput& board = output_ != nullptr ? *output_ : no_output_;
+    const std::array<std::pair<const char*, std::optional<int>>, 3> lines = {{
+        {".enable_line", board.enable_line},
+        {".amplifier_fault_line", board.amplifier_fault_line},
+        {".emergency_stop_line", board.emergency_stop_line},
+    }};
+    for (const auto& [key, line] : lines) {
+      if (!line) continue;
+      const auto [other, first] = used.emplace(*line, board_ + key);
+      if (!first) document_.report(board_ + key, "is already the line of " + other->second);
+    }
+    const bool enable = board.enable_line || (bench_.amplifier && bench_.amplifier->enable);
     if (!enable) {
-      document_.report(
-          "driver.bench.board",
-          "no line enables the amplifier, and an output at rest is not a safe state: "
-          "expected [amplifier.enable]" +
-              std::string(bench_.board == BoardKind::labjack_u6 ? " or labjack_u6.enable_line"
-                                                                : ""));
+      document_.report("driver.bench.board",
+                       "no line enables the amplifier, and an output at rest is not a safe state: "
+                       "expected [amplifier.enable]" +
+                           (labjack_ ? " or " + board_ + ".enable_line" : ""));
     }
   }
 
   /// Some device must disable the amplifier by itself if the daemon is killed: a GPIO chip may keep
   /// driving a line that no process holds.
   void check_dead_daemon() {
-    const bool u6 = bench_.labjack_u6.enable_line && bench_.labjack_u6.watchdog_s > 0;
-    if (u6 || (bench_.amplifier && bench_.amplifier->heartbeat)) return;
-    const bool has_line = bench_.labjack_u6.enable_line || bench_.amplifier;
+    const LabjackOutput& board = output_ != nullptr ? *output_ : no_output_;
+    if (board.has_watchdog() || (bench_.amplifier && bench_.amplifier->heartbeat)) return;
+    const bool has_line = board.enable_line || bench_.amplifier;
     if (!has_line) return;  // already reported
-    document_.report(bench_.amplifier ? "amplifier" : "labjack_u6.watchdog_s",
+    document_.report(bench_.amplifier ? "amplifier" : board_ + ".watchdog_s",
                      "nothing disables the amplifier if the daemon is killed: expected "
                      "[amplifier.heartbeat] with a watchdog relay" +
-                         std::string(bench_.board == BoardKind::labjack_u6
-                                         ? ", or labjack_u6.enable_line with a watchdog_s above 0"
-                                         : ""));
+                         (labjack_ ? ", or " + board_ + ".enable_line with a watchdog_s above 0"
+                                   : std::string()));
   }
 
   void check_shaker() {
@@ -391,6 +417,9 @@ class Checker {
   const Rig& rig_;
   const Bench& bench_;
   std::string board_;
+  const LabjackOutput* output_;  // null: the board has no lines
+  const LabjackOutput no_output_;
+  bool labjack_;
   std::set<std::string> names_;
   std::map<std::string, std::string> taken_;  // stem of the channel by DEVICE/INPUT
 };
@@ -404,6 +433,7 @@ void complete_bench(Document& document, Rig& rig) {
   bench.readback.longest_overrun_s =
       rig.safety.longest_overrun_s.value_or(bench.readback.longest_overrun_s);
   bench.labjack_u6.rest_v = bench.shaker.rest_v;
+  bench.labjack_t7.rest_v = bench.shaker.rest_v;
   bench.usb_1208fs_plus.rest_v = bench.shaker.rest_v;
   for (std::size_t i = 0; i < bench.modbus.size(); ++i) read_map(document, i, bench.modbus[i]);
 }
@@ -412,7 +442,7 @@ void check_bench(Document& document, const Rig& rig) { Checker(document, rig).ch
 
 void refuse_bench(Document& document) {
   for (const char* table :
-       {"inputs", "labjack_u6", "usb_1208fs_plus", "modbus", "gauge", "readback"}) {
+       {"inputs", "labjack_u6", "labjack_t7", "usb_1208fs_plus", "modbus", "gauge", "readback"}) {
     if (document.has(table)) {
       document.report(table, "is for driver.kind = \"bench\" only: remove it");
     }

@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::string_view on_bench = "driver.kind=bench";
 constexpr std::string_view with_u6 = "driver.bench.board=labjack_u6";
+constexpr std::string_view with_t7 = "driver.bench.board=labjack_t7";
 constexpr std::string_view with_1208 = "driver.bench.board=usb_1208fs_plus";
 
 /// DEVICE/INPUT; both are left empty where the text has another form.
@@ -82,27 +83,28 @@ constexpr std::array bench_table = {
     read_by<Rig, read_input>(
         Type::text,
         Key{.path = "inputs.*.from",
-            .sentence = "Source of the channel, DEVICE/INPUT: labjack_u6/AIN0 to AIN13, "
-                        "usb_1208fs_plus/CH0 to CH7, phidget_bridge/0 to 3, the name of a "
-                        "[[modbus]] unit and of a register in its map, or that of a [[gauge]] and "
-                        "its input. At least one is on the board.",
+            .sentence =
+                "Source of the channel, DEVICE/INPUT: labjack_u6/AIN0 or labjack_t7/AIN0 to "
+                "AIN13, usb_1208fs_plus/CH0 to CH7, phidget_bridge/0 to 3, the name of a "
+                "[[modbus]] unit and of a register in its map, or that of a [[gauge]] and "
+                "its input. At least one is on the board.",
             .without = "not measured",
             .when = on_bench,
             .only_then = true}),
-    bound<&Rig::bench, &Bench::inputs, by_channel, &BenchInput::range_v>(
-        Key{.path = "inputs.*.range_v",
-            .unit = "V",
-            .sentence =
-                "Inputs of a board: the range is +- this. labjack_u6: 10, 1, 0.1, 0.01; "
-                "usb_1208fs_plus: 10, and with differential = true 20, 10, 5, 4, 2.5, 2, 1.25, 1.",
-            .when = on_bench,
-            .only_then = true,
-            .low = 0,
-            .high = 20,
-            .above_low = true}),
+    bound<&Rig::bench, &Bench::inputs, by_channel, &BenchInput::range_v>(Key{
+        .path = "inputs.*.range_v",
+        .unit = "V",
+        .sentence =
+            "Inputs of a board: the range is +- this. labjack_u6, labjack_t7: 10, 1, 0.1, 0.01; "
+            "usb_1208fs_plus: 10, and with differential = true 20, 10, 5, 4, 2.5, 2, 1.25, 1.",
+        .when = on_bench,
+        .only_then = true,
+        .low = 0,
+        .high = 20,
+        .above_low = true}),
     bound<&Rig::bench, &Bench::inputs, by_channel, &BenchInput::differential>(
         Key{.path = "inputs.*.differential",
-            .sentence = "Inputs of a board: measured relative to its partner. labjack_u6: AIN0 and "
+            .sentence = "Inputs of a board: measured relative to its partner. LabJack: AIN0 and "
                         "AIN1, AIN2 and AIN3, and so on; usb_1208fs_plus: CH0 to CH3 are pairs.",
             .when = on_bench,
             .only_then = true}),
@@ -232,6 +234,109 @@ constexpr std::array bench_table = {
             .sentence =
                 "Time without communication after which the board releases enable_line; 0: never.",
             .when = with_u6,
+            .only_then = true,
+            .low = 0,
+            .high = 60}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::host>(
+        Key{.path = "labjack_t7.host",
+            .sentence = "Name or address of the board, such as 192.168.1.207.",
+            .need = Need::always,
+            .when = with_t7,
+            .only_then = true}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::port>(
+        Key{.path = "labjack_t7.port",
+            .unit = "1",
+            .sentence = "TCP port of its commands (Modbus TCP).",
+            .when = with_t7,
+            .only_then = true,
+            .low = 1,
+            .high = 65535}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::stream_port>(
+        Key{.path = "labjack_t7.stream_port",
+            .unit = "1",
+            .sentence = "TCP port of its stream.",
+            .when = with_t7,
+            .only_then = true,
+            .low = 1,
+            .high = 65535}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::serial>(
+        Key{.path = "labjack_t7.serial",
+            .unit = "1",
+            .sentence = "Serial number, as on the label: another board at that address is refused.",
+            .without = "any board at that address",
+            .when = with_t7,
+            .only_then = true,
+            .low = 1,
+            .high = 4294967295.0}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::resolution_index>(Key{
+        .path = "labjack_t7.resolution_index",
+        .unit = "1",
+        .sentence = "Resolution of a stream: higher is quieter and slower; 0: the board's choice.",
+        .when = with_t7,
+        .only_then = true,
+        .low = 0,
+        .high = 8}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::settling_us>(
+        Key{.path = "labjack_t7.settling_us",
+            .unit = "us",
+            .sentence = "Settling time between two inputs of a scan; 0: the board's choice.",
+            .when = with_t7,
+            .only_then = true,
+            .low = 0,
+            .high = 4400}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::scans_per_packet>(Key{
+        .path = "labjack_t7.scans_per_packet",
+        .unit = "1",
+        .sentence = "Scans that the board collects before it sends them; fewer reduce the latency.",
+        .without = "those of 5 ms",
+        .when = with_t7,
+        .only_then = true,
+        .low = 1,
+        .high = 512}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::dac>(
+        Key{.path = "labjack_t7.dac",
+            .unit = "1",
+            .sentence = "Output that drives the shaker's amplifier, DAC0 or DAC1.",
+            .when = with_t7,
+            .only_then = true,
+            .low = 0,
+            .high = 1}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::enable_line>(
+        Key{.path = "labjack_t7.enable_line",
+            .unit = "1",
+            .sentence =
+                "Digital line that enables the amplifier while high: 0-7 FIO, 8-15 EIO, 16-19 CIO, "
+                "20-22 MIO.",
+            .without = "not wired",
+            .when = with_t7,
+            .only_then = true,
+            .low = 0,
+            .high = 22}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::amplifier_fault_line>(
+        Key{.path = "labjack_t7.amplifier_fault_line",
+            .unit = "1",
+            .sentence = "Digital line that is low while the amplifier has a fault.",
+            .without = "not wired",
+            .when = with_t7,
+            .only_then = true,
+            .low = 0,
+            .high = 22}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::emergency_stop_line>(
+        Key{.path = "labjack_t7.emergency_stop_line",
+            .unit = "1",
+            .sentence =
+                "Digital line that is low while the emergency stop is pressed, or its wire is cut.",
+            .without = "not wired",
+            .when = with_t7,
+            .only_then = true,
+            .low = 0,
+            .high = 22}),
+    bound<&Rig::bench, &Bench::labjack_t7, &LabjackT7::watchdog_s>(
+        Key{.path = "labjack_t7.watchdog_s",
+            .unit = "s",
+            .sentence =
+                "Time without communication after which the board releases enable_line; 0: never.",
+            .when = with_t7,
             .only_then = true,
             .low = 0,
             .high = 60}),

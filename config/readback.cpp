@@ -18,9 +18,10 @@ constexpr double output_step_v = 5.0 / 4096.0;
 
 double output_delay_s(const Bench& bench, double rate_hz) {
   double packet = packet_s;
-  if (bench.labjack_u6.samples_per_packet) {
-    packet = std::max(packet, *bench.labjack_u6.samples_per_packet / rate_hz);
-  }
+  const std::optional<int> scans = bench.board == BoardKind::labjack_t7
+                                       ? bench.labjack_t7.scans_per_packet
+                                       : bench.labjack_u6.samples_per_packet;
+  if (scans) packet = std::max(packet, *scans / rate_hz);
   const double overrun_s = bench.readback.longest_overrun_s;
   return (overrun_s > 0.0 ? overrun_s : default_overrun_s) + 2.0 * packet + repeated_set_point_s;
 }

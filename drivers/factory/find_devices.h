@@ -9,7 +9,8 @@
 namespace stickslip::drivers {
 
 /// In the order boards, bridges, GPIO chips. Devices are identified, and nothing else is sent.
-/// Units on a Modbus bus cannot be enumerated: the configuration of a rig gives their addresses.
+/// Units on a Modbus bus and boards on Ethernet cannot be enumerated: the configuration of a rig
+/// gives their addresses.
 std::vector<AttachedDevice> find_devices();
 
 }  // namespace stickslip::drivers

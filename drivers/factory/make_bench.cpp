@@ -7,6 +7,7 @@
 
 #include "drivers/amplifier/amplifier.h"
 #include "drivers/bench/bench_driver.h"
+#include "drivers/labjack_t7/labjack_t7_driver.h"
 #include "drivers/labjack_u6/labjack_u6_driver.h"
 #include "drivers/modbus/modbus_unit.h"
 #include "drivers/phidget_bridge/phidget_bridge.h"
@@ -17,20 +18,29 @@ namespace stickslip::drivers {
 
 namespace {
 
+/// With the inputs that read the outputs back.
+template <class Settings>
+Settings with_readback(Settings settings, const config::Readback& readback) {
+  if (readback.drive) settings.drive_readback = readback.drive->input;
+  if (readback.enable) settings.enable_readback = readback.enable->input;
+  return settings;
+}
+
+/// A kind without a case does not compile.
 std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, HostClock& clock) {
+  const config::BenchInputs inputs =
+      config::inputs_of(bench.inputs, std::string(config::name_of(bench.board)));
   switch (bench.board) {
-    case config::BoardKind::usb_1208fs_plus:
-      return std::make_unique<Usb1208fsPlusDriver>(
-          bench.usb_1208fs_plus, config::inputs_of(bench.inputs, "usb_1208fs_plus"), rate_hz,
-          clock);
     case config::BoardKind::labjack_u6:
-      break;
+      return std::make_unique<LabjackU6Driver>(with_readback(bench.labjack_u6, bench.readback),
+                                               inputs, rate_hz, clock);
+    case config::BoardKind::labjack_t7:
+      return std::make_unique<LabjackT7Driver>(with_readback(bench.labjack_t7, bench.readback),
+                                               inputs, rate_hz, clock);
+    case config::BoardKind::usb_1208fs_plus:
+      return std::make_unique<Usb1208fsPlusDriver>(bench.usb_1208fs_plus, inputs, rate_hz, clock);
   }
-  config::LabjackU6 settings = bench.labjack_u6;
-  if (bench.readback.drive) settings.drive_readback = bench.readback.drive->input;
-  if (bench.readback.enable) settings.enable_readback = bench.readback.enable->input;
-  return std::make_unique<LabjackU6Driver>(settings, config::inputs_of(bench.inputs, "labjack_u6"),
-                                           rate_hz, clock);
+  throw std::logic_error("unknown kind of board");
 }
 
 bool any(const config::BenchInputs& inputs) {

@@ -163,7 +163,7 @@ MessageReader::Next MessageReader::next(Bytes& message) {
   const Bytes rest(bytes_.data() + begin_, end_ - begin_);
   if (rest.size() < prefix_bytes) return Next::incomplete;
   const std::size_t size = prefix_bytes + word_at(rest, 4);
-  if (word_at(rest, 2) != 0 || size <= header_bytes || size > largest_message) {
+  if (word_at(rest, 2) != 0 || size < header_bytes || size > largest_message) {
     return Next::garbled;
   }
   if (rest.size() < size) return Next::incomplete;
@@ -175,7 +175,7 @@ MessageReader::Next MessageReader::next(Bytes& message) {
 std::uint16_t transaction_of(Bytes message) { return word_at(message, 0); }
 
 Verdict parse_reply(Bytes message, std::size_t data_bytes, Bytes& data) {
-  if (message.size() <= header_bytes - 1) return {Verdict::Kind::garbled};
+  if (message.size() < header_bytes) return {Verdict::Kind::garbled};
   if (message[7] == (feedback_function | exception_bit)) {
     if (message.size() != header_bytes + 1) return {Verdict::Kind::garbled};
     return {Verdict::Kind::exception, message[8]};

@@ -36,8 +36,11 @@ StreamDecoder::Outcome StreamDecoder::take(const StreamPacket& packet) {
   if (!note_recovery(packet)) return give_up();
   const std::size_t samples =
       std::min<std::size_t>(packet.samples.size() / 2, largest_samples_per_packet);
+  const Counts before = counts_;
   for (std::size_t at = 0; at < samples; ++at) {
-    if (!put(word_at(packet.samples, 2 * at))) return give_up();
+    if (put(word_at(packet.samples, 2 * at))) continue;
+    counts_ = before;  // no scan of this packet is used
+    return give_up();
   }
   return Outcome::ok;
 }

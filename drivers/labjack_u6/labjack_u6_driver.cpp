@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "drivers/labjack/lines.h"
+#include "drivers/labjack/stream_loop.h"
 #include "drivers/labjack/streaming_output.h"
 #include "drivers/labjack_u6/board_link.h"
 #include "drivers/labjack_u6/output_commands.h"
@@ -18,13 +19,6 @@
 namespace stickslip::drivers {
 
 namespace u6 = labjack_u6;
-
-namespace {
-
-constexpr std::int64_t read_timeout_ns = 20'000'000;
-constexpr std::int64_t slice_ns = 500'000;  // of read_timeout_ns, while a set-point is pending
-
-}  // namespace
 
 struct LabjackU6Driver::Board {
   u6::BoardLink link;
@@ -139,7 +133,7 @@ Result LabjackU6Driver::prepare() {
 
 /// Only while the board does not stream: no source states that its firmware permits it then.
 Result LabjackU6Driver::set_watchdog(const u6::Command& command) {
-  if (!u6::has_watchdog(settings_)) return {};
+  if (!settings_.has_watchdog()) return {};
   u6::Failure failure = board_->link.request("set its watchdog (watchdog_s = 0 does without)",
                                              command, u6::check_watchdog);
   return failure ? refuse(failure->outcome, std::move(failure->text)) : Result{};
@@ -251,27 +245,13 @@ Result LabjackU6Driver::begin_stream() {
 
 Result LabjackU6Driver::read(Frame& frame) {
   if (!running_) return {Outcome::fatal, "read of a LabJack U6 that is not started"};
-  const u6::StreamSession& session = *board_->session;
-  const bool received = wait_for(frame);
+  u6::StreamSession& session = *board_->session;
+  const bool received = labjack::wait_for_frame(session, *board_->output, clock_, frame, outputs_);
   if (board_->output->is_off() && session.ended() == u6::StreamEnd::not_ended) {
     board_->output->refresh_while_off(clock_.now_ns());
   }
   if (received) return {};
   return session.ended() == u6::StreamEnd::not_ended ? Result{Outcome::no_data} : stream_end();
-}
-
-/// Frames arrive in bursts, one packet at a time, and so do the set-points of a loop that waits for
-/// them: the newest is sent during the wait, once its predecessor has arrived.
-bool LabjackU6Driver::wait_for(Frame& frame) {
-  u6::StreamSession& session = *board_->session;
-  std::int64_t left_ns = read_timeout_ns;
-  while (board_->output->has_pending_set_point() && left_ns > 0) {
-    if (session.next(frame, outputs_, slice_ns)) return true;
-    if (session.ended() != u6::StreamEnd::not_ended) return false;
-    left_ns -= slice_ns;
-    board_->output->send_pending_set_point(clock_.now_ns());
-  }
-  return left_ns > 0 && session.next(frame, outputs_, left_ns);
 }
 
 Result LabjackU6Driver::stream_end() {
@@ -315,14 +295,7 @@ Result LabjackU6Driver::write(const Actuation& actuation) {
   labjack::StreamingOutput& output = *board_->output;
   output.apply(counts, actuation.amplifier_on, on, clock_.now_ns());
   if (board_->session->ended() == u6::StreamEnd::unplugged) return stream_end();
-  if (!finite) return {Outcome::fatal, "the commanded drive is not finite"};
-  if (output.tripped()) {
-    return {Outcome::temporary,
-            "no command was confirmed within watchdog_s, so the board's watchdog has disabled the "
-            "amplifier; it stays off until an off command resets it"};
-  }
-  const char* const failure = output.report_failure();
-  return failure == nullptr ? Result{} : Result{Outcome::temporary, failure};
+  return labjack::result_of_write(output, finite);
 }
 
 Signals LabjackU6Driver::signals() const noexcept {

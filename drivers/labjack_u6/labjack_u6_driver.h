@@ -85,7 +85,6 @@ class LabjackU6Driver final : public Driver {
   void end_stream() noexcept;
   void note_left_on(const char* why) noexcept;
   Result stream_end();
-  bool wait_for(Frame& frame);
 
   config::LabjackU6 settings_;
   config::BenchInputs inputs_;

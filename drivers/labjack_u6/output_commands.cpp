@@ -2,14 +2,13 @@
 #include "drivers/labjack_u6/output_commands.h"
 
 #include "drivers/labjack_u6/protocol.h"
-#include "drivers/labjack_u6/stream_plan.h"
 
 namespace stickslip::drivers::labjack_u6 {
 
 labjack::OutputRules output_rules(const config::LabjackU6& settings) {
   labjack::OutputRules rules;
   rules.reads_lines = settings.amplifier_fault_line || settings.emergency_stop_line;
-  rules.watchdog_s = has_watchdog(settings) ? settings.watchdog_s : 0;
+  rules.watchdog_s = settings.has_watchdog() ? settings.watchdog_s : 0;
   rules.max_transit_ns = std::int64_t{send_timeout_ms} * 1'000'000;
   return rules;
 }

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "drivers/labjack/converter.h"
+#include "drivers/labjack/scan_layout.h"
 
 namespace stickslip::drivers::labjack_u6 {
 
@@ -23,6 +24,7 @@ using labjack::analog_inputs;
 using labjack::gain_count;
 using labjack::gain_of;
 using labjack::input_named;
+using labjack::StreamChannel;
 using labjack::volts;
 inline constexpr int digital_lines = 20;  ///< FIO0-7, EIO0-7, CIO0-3
 /// The watchdog encodes its line in four bits.
@@ -70,13 +72,6 @@ struct ScanClock {
 ScanClock nearest_clock(double rate_hz);
 /// |rate of the clock / rate - 1|
 double deviation(const ScanClock& clock, double rate_hz);
-
-/// One entry of a scan.
-struct StreamChannel {
-  std::uint8_t input = 0;  ///< 0 to 13
-  bool differential = false;
-  std::uint8_t gain = 0;  ///< 0: +-10 V, 1: +-1 V, 2: +-0.1 V, 3: +-0.01 V
-};
 
 /// 1 to 25 channels, `samples_per_packet` 1 to 25.
 Command configure_stream(std::span<const StreamChannel> channels, int resolution_index,

@@ -46,7 +46,7 @@ std::string rate_error(double rate_hz, std::size_t channels) {
 std::string enable_line_error(const config::LabjackU6& settings) {
   if (!settings.enable_line) return {};
   const std::string line = "labjack_u6.enable_line = " + std::to_string(*settings.enable_line);
-  if (has_watchdog(settings) && *settings.enable_line >= watchdog_lines) {
+  if (settings.has_watchdog() && *settings.enable_line >= watchdog_lines) {
     return line +
            ": the board's watchdog reaches lines 0 to 15 only. Use one of those, or set "
            "watchdog_s = 0";
@@ -68,32 +68,11 @@ int samples_per_packet(const config::LabjackU6& settings, std::size_t inputs, do
 
 }  // namespace
 
-bool has_watchdog(const config::LabjackU6& settings) {
-  return settings.watchdog_s > 0 && settings.enable_line.has_value();
-}
-
 std::string settings_error(const config::LabjackU6& settings, const config::BenchInputs& inputs,
                            double rate_hz) {
   std::size_t channels = 0;
-  for (const Channel channel : all_channels) {
-    const auto& input = inputs[index_of(channel)];
-    if (!input) continue;
-    ++channels;
-    const std::string table = "inputs." + std::string(info(channel).stem);
-    if (std::string error = labjack::input_error(table, "labjack_u6", *input); !error.empty())
-      return error;
-  }
-  if (channels == 0) {
-    return "no channel is assigned to labjack_u6: its scans pace the loop, so [inputs] must use at "
-           "least one of AIN0 to AIN13";
-  }
-  for (const auto& [table, input] : {std::pair("readback.drive", &settings.drive_readback),
-                                     std::pair("readback.enable", &settings.enable_readback)}) {
-    if (!*input) continue;
-    ++channels;
-    if (std::string error = labjack::input_error(table, "labjack_u6", **input); !error.empty())
-      return error;
-  }
+  std::string wrong_input = labjack::inputs_error("labjack_u6", inputs, settings, channels);
+  if (!wrong_input.empty()) return wrong_input;
   for (const std::string& error :
        {rate_error(rate_hz, channels),
         labjack::range_error("labjack_u6.resolution_index", settings.resolution_index, 0, 8),
@@ -115,19 +94,7 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
 StreamPlan stream_plan(const config::LabjackU6& settings, const config::BenchInputs& inputs,
                        double rate_hz) {
   StreamPlan plan;
-  const auto add = [&plan](const config::BenchInput& input) {
-    plan.scan.push_back({input_named(input.input).value_or(0), input.differential,
-                         gain_of(input.range_v).value_or(0)});
-    return plan.scan.size() - 1;
-  };
-  for (const Channel channel : all_channels) {
-    const auto& input = inputs[index_of(channel)];
-    if (!input) continue;
-    add(*input);
-    plan.channel.push_back(channel);
-  }
-  if (settings.drive_readback) plan.drive_readback = add(*settings.drive_readback);
-  if (settings.enable_readback) plan.enable_readback = add(*settings.enable_readback);
+  static_cast<labjack::ScanLayout&>(plan) = labjack::layout_of(inputs, settings);
   plan.clock = nearest_clock(rate_hz);
   plan.samples_per_packet = samples_per_packet(settings, plan.scan.size(), rate_hz);
   plan.transfers = settings.transfers;

@@ -3,24 +3,16 @@
 // of packets and transfers.
 #pragma once
 
-#include <cstddef>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "config/bench.h"
+#include "drivers/labjack/scan_layout.h"
 #include "drivers/labjack_u6/protocol.h"
-#include "physics/frame.h"
 
 namespace stickslip::drivers::labjack_u6 {
 
-/// Stream configuration. Entries of `scan` and `channel` correspond; further entries of `scan` read
-/// the outputs back.
-struct StreamPlan {
-  std::vector<StreamChannel> scan;             ///< in sampling order
-  std::vector<Channel> channel;                ///< the measured quantity
-  std::optional<std::size_t> drive_readback;   ///< position in the scan
-  std::optional<std::size_t> enable_readback;  ///< position in the scan
+/// Stream configuration.
+struct StreamPlan : labjack::ScanLayout {
   ScanClock clock;
   Calibration calibration;
   int samples_per_packet = 25;
@@ -36,8 +28,5 @@ std::string settings_error(const config::LabjackU6& settings, const config::Benc
 /// For settings without a settings_error. The calibration is left at its default.
 StreamPlan stream_plan(const config::LabjackU6& settings, const config::BenchInputs& inputs,
                        double rate_hz);
-
-/// True if the board's watchdog guards the enable line.
-bool has_watchdog(const config::LabjackU6& settings);
 
 }  // namespace stickslip::drivers::labjack_u6

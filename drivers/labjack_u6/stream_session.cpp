@@ -208,13 +208,8 @@ void StreamSession::put(const Scan& scan) {
   Frame frame;
   frame.sequence = scan.index;
   frame.time_ns = plan_.clock.time_ns(scan.index);
-  const auto volts_at = [this, &scan](std::size_t i) {
-    return volts(plan_.calibration, plan_.scan[i].gain, scan.counts[i]);
-  };
-  for (std::size_t i = 0; i < plan_.channel.size(); ++i) frame.set(plan_.channel[i], volts_at(i));
   OutputReadings outputs;
-  if (plan_.drive_readback) outputs.drive_v = volts_at(*plan_.drive_readback);
-  if (plan_.enable_readback) outputs.enable_v = volts_at(*plan_.enable_readback);
+  plan_.convert(plan_.calibration, scan.counts, frame, outputs);
   frames_.put(frame, outputs);
 }
 

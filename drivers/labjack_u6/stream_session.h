@@ -73,6 +73,7 @@ class StreamSession {
   bool next(Frame& frame, OutputReadings& outputs, std::int64_t timeout_ns) {
     return frames_.next(frame, outputs, timeout_ns);
   }
+  bool has_ended() const { return ended() != StreamEnd::not_ended; }
   StreamEnd ended() const { return end_.load(std::memory_order_acquire); }
   std::uint8_t board_error() const { return board_error_.load(std::memory_order_relaxed); }
 

@@ -139,9 +139,9 @@ std::vector<std::pair<std::string, std::string>> bench_settings(const config::Ri
   std::vector<std::pair<std::string, std::string>> out;
   for (const config::Setting& each : config::settings_of(rig)) {
     const std::string table = each.path.substr(0, each.path.find('.'));
-    constexpr std::array tables = {"inputs",          "shaker",         "labjack_u6",
-                                   "usb_1208fs_plus", "phidget_bridge", "modbus",
-                                   "gauge",           "amplifier",      "readback"};
+    constexpr std::array tables = {"inputs",          "shaker",         "labjack_u6", "labjack_t7",
+                                   "usb_1208fs_plus", "phidget_bridge", "modbus",     "gauge",
+                                   "amplifier",       "readback"};
     const bool of_bench = std::find(tables.begin(), tables.end(), table) != tables.end();
     if (!of_bench && each.path != "driver.bench.board" && each.path != "loop.rate_hz") continue;
     if (each.value.empty()) continue;

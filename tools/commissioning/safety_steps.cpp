@@ -209,7 +209,8 @@ StepRecord by_the_person(const Bench& bench, double limit_s) {
 
 StepRecord emergency_stop(const Bench& bench) {
   const config::Bench& wired = bench.session.rig().bench;
-  if (!wired.labjack_u6.emergency_stop_line &&
+  const config::LabjackOutput* board = config::output_of(wired);
+  if (!(board && board->emergency_stop_line) &&
       !has_contact(wired, &config::Amplifier::emergency_stop)) {
     return not_applicable("No emergency stop reports to the daemon.");
   }
@@ -219,7 +220,8 @@ StepRecord emergency_stop(const Bench& bench) {
 
 StepRecord amplifier_fault(const Bench& bench) {
   const config::Bench& wired = bench.session.rig().bench;
-  if (!wired.labjack_u6.amplifier_fault_line && !has_contact(wired, &config::Amplifier::fault)) {
+  const config::LabjackOutput* board = config::output_of(wired);
+  if (!(board && board->amplifier_fault_line) && !has_contact(wired, &config::Amplifier::fault)) {
     return not_applicable("The amplifier does not report its faults to the daemon.");
   }
   return tested(bench, {"the amplifier's fault", "make the amplifier report a fault",
@@ -244,8 +246,9 @@ StepRecord plugs(const Bench& bench) {
 
 StepRecord watchdog(const Bench& bench) {
   const config::Bench& wired = bench.session.rig().bench;
-  const bool in_board = wired.labjack_u6.enable_line && wired.labjack_u6.watchdog_s > 0;
-  const double limit_s = in_board ? wired.labjack_u6.watchdog_s + 1.0 : 3.0;
+  const config::LabjackOutput* board = config::output_of(wired);
+  const bool in_board = board && board->has_watchdog();
+  const double limit_s = in_board ? board->watchdog_s + 1.0 : 3.0;
   bool was_on = false;
   const std::optional<double> opened_s = silence(bench, limit_s + 1.0, was_on);
   if (!wired.readback.enable) return by_the_person(bench, limit_s);

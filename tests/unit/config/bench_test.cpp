@@ -42,6 +42,22 @@ TEST(Bench, ReadsAllKeysOfTheShippedBench) {
   EXPECT_FALSE(bench.amplifier);
 }
 
+TEST(Bench, ReadsAllKeysOfTheShippedBenchOnEthernet) {
+  const Rig rig = load_rig(rigs / "bench-t7.toml");
+  const Bench& bench = rig.bench;
+  EXPECT_EQ(bench.board, BoardKind::labjack_t7);
+  EXPECT_EQ(bench.inputs[index_of(Channel::displacement)]->device, "labjack_t7");
+  EXPECT_EQ(bench.labjack_t7.host, "192.168.1.207");
+  EXPECT_EQ(bench.labjack_t7.port, 502);
+  EXPECT_EQ(bench.labjack_t7.stream_port, 702);
+  EXPECT_FALSE(bench.labjack_t7.serial);
+  EXPECT_EQ(bench.labjack_t7.enable_line, 0);
+  EXPECT_EQ(bench.labjack_t7.rest_v, bench.shaker.rest_v);
+  EXPECT_EQ(output_of(bench), &bench.labjack_t7);
+  EXPECT_TRUE(output_of(bench)->has_watchdog());
+  EXPECT_TRUE(rig.warnings.empty());
+}
+
 TEST(Bench, ReadsTheDirectionOfSerialLines) {
   const Bench shipped = load_rig(rigs / "bench-u6.toml").bench;
   EXPECT_EQ(shipped.modbus[0].direction, Rs485Direction::automatic);

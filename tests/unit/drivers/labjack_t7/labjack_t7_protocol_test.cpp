@@ -97,8 +97,8 @@ std::vector<Bytes> read_in_pieces(const Bytes& bytes, std::size_t piece, bool& g
 TEST(LabjackT7Protocol, MessagesAreFoundHoweverTheNetworkCutsThem) {
   Bytes all;
   std::vector<Bytes> messages;
-  for (std::size_t size : {0U, 5U, 200U, 3U}) {
-    messages.push_back(reply(76, Bytes(size + 1, static_cast<std::uint8_t>(size))));
+  for (std::size_t size : {0U, 5U, 200U, 3U}) {  // 0: the reply to writes
+    messages.push_back(reply(76, Bytes(size, static_cast<std::uint8_t>(size))));
     all.insert(all.end(), messages.back().begin(), messages.back().end());
   }
   for (const std::size_t piece : {1U, 2U, 7U, 64U, 1000U}) {

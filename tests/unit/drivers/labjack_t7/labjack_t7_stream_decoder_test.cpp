@@ -74,6 +74,7 @@ TEST(LabjackT7StreamDecoder, TheMarkMayFollowTheReport) {
 TEST(LabjackT7StreamDecoder, LossesThatCannotBeCountedEndTheStream) {
   StreamDecoder unreported(1, 2);
   EXPECT_EQ(unreported.take(packet(0, {1, none}).packet), Outcome::uncountable);
+  EXPECT_EQ(unreported.counts().scans, 0U);
   EXPECT_EQ(unreported.take(packet(1, {1, 2}).packet), Outcome::uncountable);
   StreamDecoder overflow(1, 2);
   EXPECT_EQ(overflow.take(packet(0, {1, 2}, auto_recovery_overflow).packet), Outcome::uncountable);
