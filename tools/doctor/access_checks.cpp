@@ -217,6 +217,15 @@ Finding check_gpio(const Host& host, const Requirements& required) {
   return {check, Verdict::ok, listed(chips) + ": present and accessible", ""};
 }
 
+Finding check_network_board(const Host& host, const NetworkBoard& board) {
+  const std::string check = "board on Ethernet";
+  const std::string where = board.name + " at " + board.host + ":" + std::to_string(board.port);
+  const Attempt reached = host.reach(board.host, board.port);
+  if (reached.done) return {check, Verdict::ok, where + " accepts connections", ""};
+  return {check, Verdict::fail, where + " is not reached: " + reached.reason,
+          "ping -c 3 " + shell_word(board.host)};
+}
+
 Finding check_recording_space(const Host& host, const Requirements& required) {
   const std::string check = "recording space";
   const std::string folder = required.recording_folder.string();

@@ -11,7 +11,7 @@ std::vector<Finding> run_checks(const Host& host, const Requirements& required) 
   const Finding governor = check_governor(host);
   const Finding sleep = check_processor_sleep(host);
   const Wakeups wakeups = host.measure_wakeups(required.rate_hz, required.latency_duration_s);
-  return {
+  std::vector<Finding> findings = {
       check_loopback(host),
       check_lcm_url(required),
       check_lcm_route(host, required),
@@ -25,6 +25,11 @@ std::vector<Finding> run_checks(const Host& host, const Requirements& required) 
       check_usb(host, required),
       check_hid(host),
       check_gpio(host, required),
+  };
+  if (required.network_board) {
+    findings.push_back(check_network_board(host, *required.network_board));
+  }
+  const std::vector<Finding> others = {
       check_serial_latency(host, required),
       priority,
       check_locked_memory(host, required),
@@ -41,6 +46,8 @@ std::vector<Finding> run_checks(const Host& host, const Requirements& required) 
       check_wall_clock(host),
       check_clock_steps(wakeups),
   };
+  findings.insert(findings.end(), others.begin(), others.end());
+  return findings;
 }
 
 Verdict worst(const std::vector<Finding>& findings) {

@@ -27,6 +27,8 @@ Finding check_udev_rules(const Host& host, const Requirements& required);
 Finding check_usb(const Host& host, const Requirements& required);
 Finding check_hid(const Host& host);
 Finding check_gpio(const Host& host, const Requirements& required);
+/// Only its command port: a board sends its stream to every connection to the other one.
+Finding check_network_board(const Host& host, const NetworkBoard& board);
 /// Reception by FTDI adapters: of the rig's Modbus lines, without a rig of all that are present.
 Finding check_serial_latency(const Host& host, const Requirements& required);
 Finding check_recording_space(const Host& host, const Requirements& required);

@@ -102,6 +102,8 @@ class Host {
   virtual Attempt open_for_writing(const std::filesystem::path& path) const = 0;
   /// Connects to a Unix socket and closes the connection.
   virtual Attempt connect_to(const std::filesystem::path& socket) const = 0;
+  /// Connects by TCP, within some seconds, and closes the connection.
+  virtual Attempt reach(const std::string& host, int port) const = 0;
 
   virtual Caller caller() const = 0;
   virtual bool group_exists(const std::string& name) const = 0;

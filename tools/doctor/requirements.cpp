@@ -29,6 +29,18 @@ std::vector<ModbusLine> modbus_lines_of(const config::Bench& bench) {
   return lines;
 }
 
+std::optional<NetworkBoard> network_board_of(const config::Bench& bench) {
+  if (bench.board != config::BoardKind::labjack_t7) return std::nullopt;
+  return NetworkBoard{"LabJack T7", bench.labjack_t7.host, bench.labjack_t7.port};
+}
+
+/// True if a device is on USB, a serial line or a GPIO chip.
+bool uses_buses(const config::Bench& bench) {
+  const config::BenchInputs bridge = config::inputs_of(bench.inputs, "phidget_bridge");
+  return !network_board_of(bench) || bench.amplifier || !bench.gauges.empty() ||
+         std::any_of(bridge.begin(), bridge.end(), [](const auto& input) { return !!input; });
+}
+
 }  // namespace
 
 std::size_t Requirements::block_bytes() const {
@@ -62,7 +74,11 @@ Requirements requirements_of(const config::Rig& rig) {
   required.real_time = rig.loop.real_time_scheduling;
   const std::string driver = config::plain_text(settings, "driver.kind");
   required.hardware = driver != "simulated" && driver != "replay";
-  if (rig.driver == config::DriverKind::bench) required.modbus_lines = modbus_lines_of(rig.bench);
+  if (rig.driver == config::DriverKind::bench) {
+    required.hardware = uses_buses(rig.bench);
+    required.network_board = network_board_of(rig.bench);
+    required.modbus_lines = modbus_lines_of(rig.bench);
+  }
   required.records = rig.recording.enabled;
   if (rig.recording.enabled) {
     required.recording_folder =

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,13 @@ struct ModbusLine {
   double poll_period_s = 0.0;  ///< shortest of its units
 };
 
+/// A board on Ethernet.
+struct NetworkBoard {
+  std::string name;  ///< "LabJack T7"
+  std::string host;
+  int port = 0;
+};
+
 struct Requirements {
   std::string config_file;  ///< empty: no rig is given, and these are the defaults
   bool publishes = true;
@@ -28,7 +36,8 @@ struct Requirements {
   double rate_hz = 1000.0;
   int frames_per_block = 10;
   bool real_time = true;  ///< the rig uses real-time scheduling
-  bool hardware = false;  ///< its channels come from devices
+  bool hardware = false;  ///< its channels come from devices on buses of this host
+  std::optional<NetworkBoard> network_board;
   bool records = false;
   std::filesystem::path recording_folder = "/var/lib/stickslip/recordings";
   std::vector<ModbusLine> modbus_lines;

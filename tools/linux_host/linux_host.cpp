@@ -6,6 +6,7 @@
 #include <grp.h>
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <pthread.h>
@@ -16,6 +17,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
+#include <sys/time.h>
 #include <sys/timex.h>
 #include <sys/un.h>
 #include <sys/utsname.h>
@@ -249,6 +251,25 @@ Attempt LinuxHost::connect_to(const std::filesystem::path& socket_path) const {
     }
     error = errno;
     if (error != EPROTOTYPE) break;
+  }
+  return refused(error);
+}
+
+doctor::Attempt LinuxHost::reach(const std::string& host, int port) const {
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  const int unknown = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found);
+  if (unknown != 0) return {false, 0, std::string("the name is unknown: ") + gai_strerror(unknown)};
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, freeaddrinfo);
+  constexpr timeval longest{2, 0};
+  int error = EHOSTUNREACH;
+  for (const addrinfo* each = found; each != nullptr; each = each->ai_next) {
+    const Descriptor end(socket(each->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    if (!end.open()) return refused(errno);
+    setsockopt(end.get(), SOL_SOCKET, SO_SNDTIMEO, &longest, sizeof longest);
+    if (connect(end.get(), each->ai_addr, each->ai_addrlen) == 0) return granted();
+    error = errno == EINPROGRESS ? ETIMEDOUT : errno;  // the time-out of SO_SNDTIMEO
   }
   return refused(error);
 }

@@ -16,6 +16,7 @@ class LinuxHost final : public doctor::Host {
   doctor::Entry entry_at(const std::filesystem::path& path) const override;
   doctor::Attempt open_for_writing(const std::filesystem::path& path) const override;
   doctor::Attempt connect_to(const std::filesystem::path& socket) const override;
+  doctor::Attempt reach(const std::string& host, int port) const override;
   doctor::Caller caller() const override;
   bool group_exists(const std::string& name) const override;
   doctor::Kernel kernel() const override;

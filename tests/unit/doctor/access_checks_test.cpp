@@ -136,6 +136,27 @@ TEST(GpioCheck, RequiresAccessToTheChips) {
   EXPECT_THAT(check_gpio(host, some_requirements()), is(Verdict::note, "no /dev/gpiochip*"));
 }
 
+TEST(NetworkBoardCheck, RequiresThatTheBoardOfTheRigIsReached) {
+  config::Rig rig;
+  rig.driver = config::DriverKind::bench;
+  EXPECT_FALSE(requirements_of(rig).network_board);
+  EXPECT_TRUE(requirements_of(rig).hardware);
+  rig.bench.board = config::BoardKind::labjack_t7;
+  rig.bench.labjack_t7.host = "t7.lab";
+  Requirements required = requirements_of(rig);
+  ASSERT_TRUE(required.network_board);
+  EXPECT_FALSE(required.hardware) << "nothing is on USB";
+  rig.bench.inputs[index_of(Channel::friction_force)] = {.device = "phidget_bridge", .input = "0"};
+  EXPECT_TRUE(requirements_of(rig).hardware);
+  FakeHost host;
+  EXPECT_THAT(check_network_board(host, *required.network_board), passes());
+  host.reached = {false, ETIMEDOUT, "Connection timed out"};
+  EXPECT_THAT(
+      check_network_board(host, *required.network_board),
+      AllOf(is(Verdict::fail, "LabJack T7 at t7.lab:502 is not reached: Connection timed out"),
+            remedied_by("ping -c 3 t7.lab")));
+}
+
 TEST(RecordingSpaceCheck, ReportsHoursOfRecording) {
   FakeHost host;
   const Requirements required = hardware_requirements();

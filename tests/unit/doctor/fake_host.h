@@ -62,6 +62,7 @@ class FakeHost final : public Host {
       {"/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0", "/dev/ttyUSB0"}};
   Attempt opened{true, 0, ""};
   Attempt connected{true, 0, ""};
+  Attempt reached{true, 0, ""};
   Attempt prioritised{true, 0, ""};
   Attempt locked{true, 0, ""};
   Caller who{"ada", false, {"ada", "stickslip"}};
@@ -99,6 +100,7 @@ class FakeHost final : public Host {
   }
   Attempt open_for_writing(const std::filesystem::path&) const override { return opened; }
   Attempt connect_to(const std::filesystem::path&) const override { return connected; }
+  Attempt reach(const std::string&, int) const override { return reached; }
   Caller caller() const override { return who; }
   bool group_exists(const std::string&) const override { return group; }
   Kernel kernel() const override { return running; }
