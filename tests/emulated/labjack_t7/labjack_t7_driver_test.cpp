@@ -19,6 +19,7 @@
 #include "drivers/clock/stream_clock.h"
 #include "drivers/factory/make_bench.h"
 #include "tests/emulated/labjack_t7/emulated_labjack_t7.h"
+#include "tests/unit/heap_count/heap_count.h"
 
 namespace stickslip::emulated {
 namespace {
@@ -543,6 +544,23 @@ TEST(LabjackT7, ABoardThatDoesNotAnswerIsReported) {
   EXPECT_EQ(refused.outcome, Outcome::temporary);
   EXPECT_THAT(refused.message, HasSubstr("cannot identify it: it did not answer within 1 s"));
 }
+
+#ifdef STICKSLIP_HEAP_IS_COUNTED
+TEST(LabjackT7, ReadAndWriteDoNotUseTheHeap) {
+  Bench bench;
+  ASSERT_TRUE(bench.begin()) << bench.last.message;
+  std::size_t heap_calls = 0;
+  for (int i = 0; i < 500; ++i) {
+    if (i == 250) bench.board.fault_replies(T7ReplyFault::exception, 20);
+    Frame frame;
+    heap_count::start();
+    static_cast<void>(bench.driver.read(frame));
+    static_cast<void>(bench.driver.write({2.0 + 0.001 * i, i % 100 < 90}));
+    heap_calls += heap_count::stop();
+  }
+  EXPECT_EQ(heap_calls, 0U);
+}
+#endif
 
 // As `stickslip check --live` does it.
 TEST(LabjackT7, ABenchIsMadeOfItAndProbed) {
