@@ -20,8 +20,9 @@ struct Effort {
   std::size_t screening_windows = 20;
   /// More of them for each further recording of a campaign, whose own numbers they have to show.
   std::size_t screening_windows_of_recording = 8;
-  int screening_iterations = 1;  ///< of the first fit of every candidate effect, from every start
-  std::size_t rough_fits = 16;   ///< candidates fitted again after screening, the best first
+  /// Of the first fit of candidates without a first step (FirstSteps), from every start.
+  int screening_iterations = 1;
+  std::size_t rough_fits = 16;  ///< candidates fitted again after screening, the best first
   int rough_iterations = 2;
   std::size_t refinements = 9;  ///< candidates refined after the rough fits, the best first
   int refinement_iterations = 4;

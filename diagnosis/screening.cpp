@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "diagnosis/first_step.h"
 #include "diagnosis/number_scores.h"
 #include "diagnosis/parallel/for_each.h"
 #include "physics/number_text.h"
@@ -71,16 +72,22 @@ std::vector<std::vector<double>> starts_of(const CandidateEffect& candidate,
 class Screening {
  public:
   Screening(const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base)
-      : data_(data), features_(features), base_(base), subset_(window_subset(data, base)) {}
+      : data_(data),
+        features_(features),
+        base_(base),
+        subset_(window_subset(data, base)),
+        first_steps_(subset_.task, base, subset_.state) {}
 
-  // The effect added to the base, from its best start.
+  // The effect added to the base, after a step from its best start.
   FittedCandidate screened(const CandidateEffect& candidate) const {
     FittedCandidate best;
     best.candidate = candidate;
     const auto scales =
         scales_of(data_.experiments, *base_.hypothesis, base_.fitted.z, features_, candidate.place);
     const auto fixed = candidate.effect->fixed(scales);
-    for (const auto& start : starts_of(candidate, scales)) {
+    const auto starts = starts_of(candidate, scales);
+    if (auto gradual = first_steps_.after(candidate, starts, fixed)) return *std::move(gradual);
+    for (const auto& start : starts) {
       const Hypothesis hypothesis =
           extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
       std::vector<std::vector<double>> points{
@@ -168,6 +175,7 @@ class Screening {
   const ResidualFeatures& features_;
   const FittedCandidate& base_;
   WindowSubset subset_;
+  FirstSteps first_steps_;
 };
 
 // Numbers that are unknown already, as part of a term on trial or freed, are no candidates.

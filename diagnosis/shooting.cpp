@@ -611,6 +611,7 @@ std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hyp
   for_each(task.windows.size(), task.threads, [&](std::size_t w) {
     const auto derivatives = problem.differentiate(w, states[w]);
     out[w].residual = derivatives.residual;
+    out[w].offset = problem.offsets(w, states[w]);
     out[w].parameters = derivatives.jacobian.leftCols(np);
     out[w].free = derivatives.jacobian.rightCols(derivatives.jacobian.cols() - np);
   });
@@ -619,19 +620,9 @@ std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hyp
 
 Eigen::VectorXd residuals_of(const Task& task, std::size_t window, const Hypothesis& hypothesis,
                              std::span<const double> z, const WindowState& state) {
-  const Experiment& e = task.experiment(window);
-  const Window& each = task.window(window);
-  const auto readings = predict(e, each, each.end, hypothesis, z, state, task.steps);
-  Eigen::VectorXd residual(static_cast<Eigen::Index>((each.end - each.begin) * predicted_channels));
-  Eigen::Index row = 0;
-  std::vector<Whitening> filter(task.colour.begin(), task.colour.end());
-  std::array<double, predicted_channels> slow{};
-  for_each_compared(e, each.begin, each.end, [&](std::size_t k, std::size_t c) {
-    const double off = (readings[k - each.begin][c] - e.reading[k][c]) / task.sigma_of(e, c);
-    residual[row++] = filter[c].next(e.elapsed_s(k)).innovation(off, slow[c]);
-  });
-  residual.conservativeResize(row);
-  return residual;
+  Task one = task;
+  one.windows = {task.windows[window]};
+  return WindowProblem(one, hypothesis, z, false).residual(0, state);
 }
 
 Fit fit(const Task& task, const Hypothesis& hypothesis, std::vector<double> z,

@@ -141,6 +141,7 @@ struct WindowJacobian {
   /// Residuals x nuisance parameters of the window, in units of their priors: its states, and the
   /// knots of the drive's error.
   Eigen::MatrixXd free;
+  Eigen::VectorXd offset;  ///< of these from the centres of their priors, in the same units
   Eigen::VectorXd residual;
 };
 std::vector<WindowJacobian> jacobians_of(const Task& task, const Hypothesis& hypothesis,

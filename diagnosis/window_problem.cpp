@@ -375,6 +375,30 @@ WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
   return out;
 }
 
+Eigen::VectorXd WindowProblem::residual(std::size_t w, const WindowState& from) const {
+  const Experiment& e = task_.experiment(w);
+  const WindowRun run = run_of(w, task_.steps);
+  const Rows rows(e, run.window.begin, run.end);
+  WhitenedChannels channels(e, task_.colour);
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(rows.count());
+  run_window(run, hypothesis_.rig(), banks_[task_.windows[w].experiment], numbers_[e.recording],
+             from, [&](std::size_t k, std::size_t c, double reading, double) {
+               const Eigen::Index row = rows.of(k, c);
+               if (row < 0) return;
+               out[row] =
+                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma_of(e, c));
+             });
+  return out;
+}
+
+Eigen::VectorXd WindowProblem::offsets(std::size_t w, const WindowState& from) const {
+  Eigen::VectorXd out(static_cast<Eigen::Index>(states_.size()));
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    out[static_cast<Eigen::Index>(i)] = state_offset(w, states_[i], from);
+  }
+  return out;
+}
+
 // Block of a window in which the model diverged: it carries no information.
 NormalBlock WindowProblem::diverged(int count) const {
   const auto np = static_cast<Eigen::Index>(unknowns_);

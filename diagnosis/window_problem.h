@@ -67,6 +67,12 @@ class WindowProblem {
   };
   Derivatives differentiate(std::size_t w, const WindowState& from) const;
 
+  /// Scaled residuals of a window, in the order of their derivatives.
+  Eigen::VectorXd residual(std::size_t w, const WindowState& from) const;
+
+  /// Distances of the free states from the centres of their priors, in units of these.
+  Eigen::VectorXd offsets(std::size_t w, const WindowState& from) const;
+
   NormalBlock linearise(std::size_t w, const WindowState& from) const;
 
   /// `from` moved by a step in units of the state priors.

@@ -55,6 +55,21 @@ TEST(NuisanceProjection, OneRunShowsTheSizeOfAnEffectAndItsGain) {
   }
 }
 
+// Two changes alike share the size.
+TEST(NuisanceProjection, SeveralChangesGainTogether) {
+  const Hardening recording(k3_n_m3);
+  const Change change = recording.change(0.2 * k3_n_m3);
+  const double slope = recording.projection.slope(change);
+  const double square = recording.projection.product(change, change);
+  const Response one = recording.projection.response_to({&change, 1});
+  EXPECT_NEAR(one.size[0], -slope / square, 1.0e-6);
+  EXPECT_NEAR(one.gain, slope * slope / square, 1.0e-6 * one.gain);
+  const std::vector<Change> same = {change, change};
+  const Response two = recording.projection.response_to(same);
+  EXPECT_NEAR(two.size.sum(), one.size[0], 1.0e-3);
+  EXPECT_NEAR(two.gain, one.gain, 1.0e-3 * one.gain);
+}
+
 TEST(NuisanceProjection, WhatTheCalibrationAbsorbsGainsNothing) {
   const Hardening nothing(0.0);
   const auto jacobians =
