@@ -57,6 +57,7 @@ std::vector<NuisanceProjection> projections(const Task& task, const FittedCandid
                                             const std::vector<WindowState>& states) {
   const auto windows = jacobians_of(task, *base.hypothesis, base.fitted.z, states);
   std::vector<NuisanceProjection> out;
+  out.reserve(step_damping.size());
   for (const double damping : step_damping) {
     out.emplace_back(*base.hypothesis, base.fitted.z, windows,
                      NuisanceProjection::Options{robust_weights(windows), damping});
