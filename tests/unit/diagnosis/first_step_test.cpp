@@ -30,7 +30,7 @@ struct Calibrated {
     const FirstSteps steps(task, base, base.fitted.state);
     return steps.after({physics::find_effect(id), {}}, starts, {});
   }
-  // What a fit leaves that goes on from there.
+  // The cost of a fit that goes on from there.
   double best_cost(const FittedCandidate& from) const {
     return fit(task, *from.hypothesis, from.fitted.z, from.fitted.state).cost;
   }
