@@ -399,11 +399,10 @@ class Checker {
     for (const LongestAge& each : ages_after_a_lost_reply(bench_)) {
       if (limit_s <= 0.0 || each.age_s <= limit_s) continue;
       const std::string needed = short_of(std::ceil(100.0 * each.age_s) / 100.0);
-      document_.warn(each.path, "one lost reply stops the rig: the last reading of \"" +
-                                    each.device + "\" is then up to " + needed +
-                                    " s old, and safety.stale_after_s is " + short_of(limit_s) +
-                                    ". Expected safety.stale_after_s = " + needed +
-                                    " or more, or " + each.remedy);
+      std::string text = "one lost reply stops the rig: the last reading of \"" + each.device;
+      text += "\" is then up to " + needed + " s old, and safety.stale_after_s is ";
+      text += short_of(limit_s) + ". Expected safety.stale_after_s = " + needed + " or more, or ";
+      document_.warn(each.path, text + each.remedy);
     }
     for (std::size_t i = 0; i < bench_.modbus.size(); ++i) {
       if (bench_.modbus[i].retries > 0) continue;
