@@ -249,19 +249,33 @@ void whiten_rows(const Experiment& e, const Window& window, std::size_t end,
 
 }  // namespace
 
+namespace {
+
+// Calls sink(sample, channel, innovation) for every compared reading of a run, those of one channel
+// in order.
+template <class Sink>
+void run_innovations(const WindowRun& run, const Task& task, const physics::Rig& rig,
+                     const physics::SensorBank& bank, const physics::RigNumbers<double>& n,
+                     const WindowState& from, Sink&& sink) {
+  const Experiment& e = run.e;
+  WhitenedChannels channels(e, task.colour);
+  run_window(run, rig, bank, n, from, [&](std::size_t k, std::size_t c, double reading, double) {
+    if (!e.is_compared(k, c)) return;
+    const double residual = (reading - e.reading[k][c]) / task.sigma_of(e, c);
+    sink(k, c, channels.innovation(k, c, residual));
+  });
+}
+
+}  // namespace
+
 NormalBlock WindowProblem::evaluate(std::size_t w, const WindowState& from) const {
   NormalBlock block;
-  const Experiment& e = task_.experiment(w);
-  WhitenedChannels channels(e, task_.colour);
-  run_window(run_of(w, task_.steps), hypothesis_.rig(), banks_[task_.windows[w].experiment],
-             numbers_[e.recording], from,
-             [&](std::size_t k, std::size_t c, double reading, double) {
-               if (!e.is_compared(k, c)) return;
-               const double residual =
-                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma_of(e, c));
-               block.chi2 += residual * residual;
-               ++block.count;
-             });
+  run_innovations(run_of(w, task_.steps), task_, hypothesis_.rig(),
+                  banks_[task_.windows[w].experiment], numbers_[task_.experiment(w).recording],
+                  from, [&](std::size_t, std::size_t, double innovation) {
+                    block.chi2 += innovation * innovation;
+                    ++block.count;
+                  });
   add_priors(w, from, block);
   if (!std::isfinite(block.chi2)) block.chi2 = diverged_chi2;
   return block;
@@ -376,18 +390,13 @@ WindowProblem::Derivatives WindowProblem::differentiate(std::size_t w,
 }
 
 Eigen::VectorXd WindowProblem::residual(std::size_t w, const WindowState& from) const {
-  const Experiment& e = task_.experiment(w);
   const WindowRun run = run_of(w, task_.steps);
-  const Rows rows(e, run.window.begin, run.end);
-  WhitenedChannels channels(e, task_.colour);
+  const Rows rows(run.e, run.window.begin, run.end);
   Eigen::VectorXd out = Eigen::VectorXd::Zero(rows.count());
-  run_window(run, hypothesis_.rig(), banks_[task_.windows[w].experiment], numbers_[e.recording],
-             from, [&](std::size_t k, std::size_t c, double reading, double) {
-               const Eigen::Index row = rows.of(k, c);
-               if (row < 0) return;
-               out[row] =
-                   channels.innovation(k, c, (reading - e.reading[k][c]) / task_.sigma_of(e, c));
-             });
+  run_innovations(
+      run, task_, hypothesis_.rig(), banks_[task_.windows[w].experiment], numbers_[run.e.recording],
+      from,
+      [&](std::size_t k, std::size_t c, double innovation) { out[rows.of(k, c)] = innovation; });
   return out;
 }
 
