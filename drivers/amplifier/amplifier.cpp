@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 
 namespace stickslip::drivers {
 
@@ -52,6 +53,17 @@ Search find_chips() {
     }
   }
   return search;
+}
+
+/// True for a chip that may be unplugged. Linux 6.1 corrupts its memory when the edge events of a
+/// chip are closed after the chip has gone: its interrupts no longer exist then.
+bool is_on_usb(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path device = std::filesystem::canonical(path, error);
+  if (error) return false;
+  const std::filesystem::path place =
+      std::filesystem::canonical("/sys/bus/gpio/devices" / device.filename(), error);
+  return !error && place.string().find("/usb") != std::string::npos;
 }
 
 std::string listed(const std::vector<gpio::Chip>& chips) {
@@ -209,7 +221,8 @@ bool Amplifier::request_inputs(const std::string& path, gpio::Refusal& refusal) 
   add(settings_.fault, fault_);
   add(settings_.emergency_stop, emergency_stop_);
   if (lines.empty()) return true;
-  inputs_ = gpio::Lines::request(path, gpio::Use::input, lines, refusal);
+  const gpio::Use use = is_on_usb(path) ? gpio::Use::sampled_input : gpio::Use::input;
+  inputs_ = gpio::Lines::request(path, use, lines, refusal);
   return inputs_ != nullptr;
 }
 

@@ -29,8 +29,9 @@ std::optional<Chip> chip_at(const std::string& path, int& error);
 std::string library_version();
 
 enum class Use {
-  output,  ///< driven, initially inactive
-  input    ///< read, with edge events if the chip supports them
+  output,        ///< driven, initially inactive
+  input,         ///< read, with edge events if the chip supports them
+  sampled_input  ///< read, without edge events
 };
 
 /// Further edges wait for the next call. By default the kernel keeps at most 16 per line.

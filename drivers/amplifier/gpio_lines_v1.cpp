@@ -62,10 +62,12 @@ int request_one(gpiod_line* line, Use use, const config::GpioLine& settings, boo
     config.request_type = GPIOD_LINE_REQUEST_DIRECTION_OUTPUT;
     return gpiod_line_request(line, &config, 0) == 0 ? 0 : errno;
   }
-  config.request_type = GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
-  has_edges = gpiod_line_request(line, &config, 0) == 0;
-  if (has_edges) return 0;
-  if (!edges_may_be_unsupported(errno)) return errno;
+  if (use == Use::input) {
+    config.request_type = GPIOD_LINE_REQUEST_EVENT_BOTH_EDGES;
+    has_edges = gpiod_line_request(line, &config, 0) == 0;
+    if (has_edges) return 0;
+    if (!edges_may_be_unsupported(errno)) return errno;
+  }
   config.request_type = GPIOD_LINE_REQUEST_DIRECTION_INPUT;
   return gpiod_line_request(line, &config, 0) == 0 ? 0 : errno;
 }

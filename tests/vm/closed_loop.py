@@ -135,6 +135,11 @@ def idle_s():
     return float(pathlib.Path("/proc/uptime").read_text().split()[1])
 
 
+def kernel_is_sound():
+    """False once the kernel has printed a warning (bit 9) or lost a thread to an error (bit 7)."""
+    return int(pathlib.Path("/proc/sys/kernel/tainted").read_text()) & (1 << 9 | 1 << 7) == 0
+
+
 def log(words):
     print(f"{time.monotonic():8.2f}  {words}", flush=True)
 
@@ -243,6 +248,7 @@ class ClosedLoop(unittest.TestCase):
         time.sleep(1.0)  # the rig comes to rest
         self.command(remedy)
         self.set_moving()
+        self.assertTrue(kernel_is_sound(), f"a kernel error after \"{words}\": dmesg")
         return off_after_ms
 
     def test_a_minute_of_rig_time(self):
