@@ -13,13 +13,16 @@ namespace stickslip::diagnosis {
 
 namespace {
 
-// Mean square of a change [noise variances] that is small enough to be in proportion to its size,
-// and the factor within which another one will do.
-constexpr double small_change = 0.01;
-constexpr double small_change_factor = 100.0;
+// Mean square of a change [noise variances] that is in proportion to its size: below the largest,
+// and above the smallest, which rounding does not touch; and of the next attempt.
+constexpr double largest_change = 1.0;
+constexpr double smallest_change = 1.0e-6;
+constexpr double next_change = 0.01;
 constexpr int size_attempts = 4;
-// Size of a first attempt where a start has none of the effect, as a share of the plausible range.
-constexpr double first_share = 1.0e-3;
+// Size of the first attempt, as a share of the start, and of the plausible range where a start has
+// none of the effect: starts are large.
+constexpr double share_of_start = 0.01;
+constexpr double share_of_range = 1.0e-3;
 // Damping of the steps, of which the first that lowers the cost is taken.
 constexpr std::array step_damping = {0.0, 1.0e-2, 1.0e-1, 1.0, 10.0};
 
@@ -88,25 +91,32 @@ std::vector<double> FirstSteps::unchanged(const Hypothesis& with) const {
 // the readings do not show it.
 std::optional<Change> FirstSteps::scaled_change(const Hypothesis& with,
                                                 Direction& direction) const {
-  const double target = small_change * damped_.front().samples();
+  const double samples = damped_.front().samples();
   std::vector<double> z = unchanged(with);
   for (int i = 0; i < size_attempts; ++i) {
     z[direction.unknown] = with.z_of(direction.unknown, direction.none + direction.unit);
     Change change = change_at(with, z);
-    const double square = square_of(change);
-    if (square > target / small_change_factor && square < target * small_change_factor) {
-      return change;
-    }
-    direction.unit *= square > 0.0 ? std::sqrt(target / square) : 1.0 / first_share;
+    const double mean_square = square_of(change) / samples;
+    if (mean_square > smallest_change && mean_square < largest_change) return change;
+    direction.unit *= mean_square > 0.0 ? std::sqrt(next_change / mean_square) : 1.0e3;
   }
   return std::nullopt;
+}
+
+// True at a start without any of the effect.
+bool FirstSteps::has_none(const CandidateEffect& candidate, const Hypothesis& with) {
+  const physics::Card& card = candidate.effect->card();
+  const physics::BoundTerm& term = with.rig().terms().back();
+  const auto strength = static_cast<std::size_t>(term.parameter[*card.strength]);
+  const auto unknown = with.unknown_of(strength);
+  return !unknown || with.value(*unknown, 0.0) == card.parameters[*card.strength].neutral;
 }
 
 std::optional<FirstSteps::Sized> FirstSteps::sized(const CandidateEffect& candidate,
                                                    const Hypothesis& with) const {
   const auto& cards = candidate.effect->card().parameters;
   const physics::BoundTerm& term = with.rig().terms().back();
-  const bool none_yet = square_of(change_at(with, unchanged(with))) == 0.0;
+  const bool none_yet = has_none(candidate, with);
   std::vector<Direction> directions;
   std::vector<Change> changes;
   for (std::size_t k = 0; k < cards.size(); ++k) {
@@ -115,8 +125,8 @@ std::optional<FirstSteps::Sized> FirstSteps::sized(const CandidateEffect& candid
     if (!unknown) continue;
     const double start = with.value(*unknown, 0.0);
     Direction direction{*unknown, none_yet ? start : cards[k].neutral, 0.0, cards[k].positive};
-    direction.unit =
-        none_yet ? first_share * (cards[k].high - direction.none) : start - direction.none;
+    direction.unit = none_yet ? share_of_range * (cards[k].high - direction.none)
+                              : share_of_start * (start - direction.none);
     if (direction.unit == 0.0) continue;
     auto change = scaled_change(with, direction);
     if (!change) continue;
@@ -178,9 +188,9 @@ FittedCandidate FirstSteps::moved(const CandidateEffect& candidate, const Sized&
   return out;
 }
 
-std::optional<FittedCandidate> FirstSteps::after(const CandidateEffect& candidate,
-                                                 std::span<const std::vector<double>> starts,
-                                                 std::span<const double> fixed) const {
+std::optional<FirstStep> FirstSteps::after(const CandidateEffect& candidate,
+                                           std::span<const std::vector<double>> starts,
+                                           std::span<const double> fixed) const {
   if (candidate.is_number() || candidate.is_comparison() || starts.empty()) return std::nullopt;
   const physics::Card& card = candidate.effect->card();
   if (!card.strength) return std::nullopt;
@@ -196,7 +206,7 @@ std::optional<FittedCandidate> FirstSteps::after(const CandidateEffect& candidat
     if (!first) first = std::move(with);
   }
   if (!best) best = Sized{*first, {}, {}, 0.0};
-  return moved(candidate, *best);
+  return FirstStep{moved(candidate, *best), best->gain};
 }
 
 }  // namespace stickslip::diagnosis

@@ -13,6 +13,13 @@
 
 namespace stickslip::diagnosis {
 
+/// An effect after its step, and the decrease of the cost to first order, beyond what a step
+/// without the effect gains.
+struct FirstStep {
+  FittedCandidate candidate;
+  double gain = 0.0;
+};
+
 /// First steps of effects added to one fit.
 class FirstSteps {
  public:
@@ -23,9 +30,12 @@ class FirstSteps {
   /// says what the effect looks like, not how large it is: its strength is that of the step. None
   /// for what has no first order here: an effect that replaces a law of the base or brings states
   /// with it, one without a strength, a number or a comparison of recordings.
-  std::optional<FittedCandidate> after(const CandidateEffect& candidate,
-                                       std::span<const std::vector<double>> starts,
-                                       std::span<const double> fixed) const;
+  std::optional<FirstStep> after(const CandidateEffect& candidate,
+                                 std::span<const std::vector<double>> starts,
+                                 std::span<const double> fixed) const;
+
+  /// Cost of the fit without an effect, after a step of its own.
+  double cost_without() const { return moved({}, {*base_.hypothesis, {}, {}, 0.0}).fitted.cost; }
 
  private:
   // Size of one unknown of the effect, from where there is none of it.
@@ -46,6 +56,7 @@ class FirstSteps {
   Change change_at(const Hypothesis& with, std::span<const double> z) const;
   std::vector<double> unchanged(const Hypothesis& with) const;
   std::optional<Change> scaled_change(const Hypothesis& with, Direction& direction) const;
+  static bool has_none(const CandidateEffect& candidate, const Hypothesis& with);
   std::optional<Sized> sized(const CandidateEffect& candidate, const Hypothesis& with) const;
   static std::vector<double> stepped(const Sized& sized, const Response& response,
                                      std::vector<double> z);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "diagnosis/first_step.h"
@@ -76,17 +77,36 @@ class Screening {
         features_(features),
         base_(base),
         subset_(window_subset(data, base)),
-        first_steps_(subset_.task, base, subset_.state) {}
+        first_steps_(subset_.task, base, subset_.state),
+        cost_without_(first_steps_.cost_without()) {}
 
-  // The effect added to the base, after a step from its best start.
-  FittedCandidate screened(const CandidateEffect& candidate) const {
+  // True if the effect may be claimed: where it gains on the windows to select on as on these, but
+  // for the half nat that chance gains by each unknown, the gain that a claim needs is within two
+  // standard deviations. A log likelihood ratio varies by twice its expectation. A cost is twice a
+  // negative log likelihood; in chaotic motion the gain to first order is the better promise.
+  bool is_promising(const FittedCandidate& each, double first_order_gain = 0.0) const {
+    const double more_unknowns =
+        static_cast<double>(each.fitted.z.size()) - static_cast<double>(base_.fitted.z.size());
+    const double gain = std::max(first_order_gain, cost_without_ - each.fitted.cost);
+    const double expected = std::max(0.0, 0.5 * gain - 0.5 * std::max(0.0, more_unknowns)) *
+                            static_cast<double>(data_.held_out.windows.size()) /
+                            static_cast<double>(subset_.task.windows.size());
+    return expected + 2.0 * std::sqrt(2.0 * expected) >= data_.criteria.claim_nats();
+  }
+
+  // The effect added to the base, after a step from its best start; none if it promises nothing.
+  // One step cannot judge an effect that replaces a law.
+  std::optional<FittedCandidate> screened(const CandidateEffect& candidate) const {
     FittedCandidate best;
     best.candidate = candidate;
     const auto scales =
         scales_of(data_.experiments, *base_.hypothesis, base_.fitted.z, features_, candidate.place);
     const auto fixed = candidate.effect->fixed(scales);
     const auto starts = starts_of(candidate, scales);
-    if (auto gradual = first_steps_.after(candidate, starts, fixed)) return *std::move(gradual);
+    if (auto gradual = first_steps_.after(candidate, starts, fixed)) {
+      if (!is_promising(gradual->candidate, gradual->gain)) return std::nullopt;
+      return std::move(gradual->candidate);
+    }
     for (const auto& start : starts) {
       const Hypothesis hypothesis =
           extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
@@ -102,6 +122,10 @@ class Screening {
           best.fitted = std::move(fitted);
         }
       }
+    }
+    if (!best.hypothesis) return std::nullopt;
+    if (!is_promising(best) && !replaces_law(*base_.hypothesis, *best.hypothesis)) {
+      return std::nullopt;
     }
     return best;
   }
@@ -176,6 +200,7 @@ class Screening {
   const FittedCandidate& base_;
   WindowSubset subset_;
   FirstSteps first_steps_;
+  double cost_without_;  // of the base on the subset
 };
 
 // Numbers that are unknown already, as part of a term on trial or freed, are no candidates.
@@ -250,10 +275,13 @@ std::vector<FittedCandidate> screen(
       [](const CandidateEffect& each) { return each.is_number() && !each.is_comparison(); });
   std::size_t numbers = static_cast<std::size_t>(plain_numbers);
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
-  std::vector<FittedCandidate> candidates(effects.size());
+  std::vector<std::optional<FittedCandidate>> screened(effects.size());
   parallel::for_each(effects.size(), data.threads,
-                     [&](std::size_t i) { candidates[i] = screening.screened(effects[i]); });
-  std::erase_if(candidates, [](const FittedCandidate& each) { return !each.hypothesis; });
+                     [&](std::size_t i) { screened[i] = screening.screened(effects[i]); });
+  std::vector<FittedCandidate> candidates;
+  for (auto& each : screened) {
+    if (each) candidates.push_back(*std::move(each));
+  }
   const auto sort = [&] {
     const auto cost = [&](const FittedCandidate& each) {
       return each.fitted.cost + complexity_of(each, data.criteria);
@@ -271,6 +299,9 @@ std::vector<FittedCandidate> screen(
   progress("refining the best effects", 0.5);
   parallel::for_each(candidates.size(), data.threads,
                      [&](std::size_t i) { screening.fit_roughly(candidates[i]); });
+  std::erase_if(candidates, [&](const FittedCandidate& each) {
+    return replaces_law(*base.hypothesis, *each.hypothesis) && !screening.is_promising(each);
+  });
   sort();
   parallel::for_each(std::min(effort.refinements + numbers, candidates.size()), data.threads,
                      [&](std::size_t i) { screening.refine(candidates[i]); });

@@ -28,7 +28,9 @@ struct Calibrated {
   std::optional<FittedCandidate> after(const char* id,
                                        const std::vector<std::vector<double>>& starts) const {
     const FirstSteps steps(task, base, base.fitted.state);
-    return steps.after({physics::find_effect(id), {}}, starts, {});
+    auto step = steps.after({physics::find_effect(id), {}}, starts, {});
+    if (!step) return std::nullopt;
+    return std::move(step->candidate);
   }
   // The cost of a fit that goes on from there.
   double best_cost(const FittedCandidate& from) const {
