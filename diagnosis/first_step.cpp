@@ -13,8 +13,8 @@ namespace stickslip::diagnosis {
 
 namespace {
 
-// Mean square of a change [noise variances] that is in proportion to its size: below the largest,
-// and above the smallest, which rounding does not touch; and of the next attempt.
+// Mean square of a change [noise variances]: the largest that is in proportion to its size, the
+// smallest that rounding does not spoil, and what the next attempt aims at.
 constexpr double largest_change = 1.0;
 constexpr double smallest_change = 1.0e-6;
 constexpr double next_change = 0.01;
@@ -45,6 +45,15 @@ double square_of(const Change& change) {
   double sum = 0.0;
   for (const Eigen::VectorXd& each : change) sum += each.squaredNorm();
   return sum;
+}
+
+// True at a start without any of the effect.
+bool has_none(const CandidateEffect& candidate, const Hypothesis& with) {
+  const physics::Card& card = candidate.effect->card();
+  const physics::BoundTerm& term = with.rig().terms().back();
+  const auto strength = static_cast<std::size_t>(term.parameter[*card.strength]);
+  const auto unknown = with.unknown_of(strength);
+  return !unknown || with.value(*unknown, 0.0) == card.parameters[*card.strength].neutral;
 }
 
 // True if a campaign has every parameter of the effect in common.
@@ -98,18 +107,10 @@ std::optional<Change> FirstSteps::scaled_change(const Hypothesis& with,
     Change change = change_at(with, z);
     const double mean_square = square_of(change) / samples;
     if (mean_square > smallest_change && mean_square < largest_change) return change;
-    direction.unit *= mean_square > 0.0 ? std::sqrt(next_change / mean_square) : 1.0e3;
+    direction.unit *=
+        mean_square > 0.0 ? std::sqrt(next_change / mean_square) : 1.0 / share_of_range;
   }
   return std::nullopt;
-}
-
-// True at a start without any of the effect.
-bool FirstSteps::has_none(const CandidateEffect& candidate, const Hypothesis& with) {
-  const physics::Card& card = candidate.effect->card();
-  const physics::BoundTerm& term = with.rig().terms().back();
-  const auto strength = static_cast<std::size_t>(term.parameter[*card.strength]);
-  const auto unknown = with.unknown_of(strength);
-  return !unknown || with.value(*unknown, 0.0) == card.parameters[*card.strength].neutral;
 }
 
 std::optional<FirstSteps::Sized> FirstSteps::sized(const CandidateEffect& candidate,

@@ -56,7 +56,6 @@ class FirstSteps {
   Change change_at(const Hypothesis& with, std::span<const double> z) const;
   std::vector<double> unchanged(const Hypothesis& with) const;
   std::optional<Change> scaled_change(const Hypothesis& with, Direction& direction) const;
-  static bool has_none(const CandidateEffect& candidate, const Hypothesis& with);
   std::optional<Sized> sized(const CandidateEffect& candidate, const Hypothesis& with) const;
   static std::vector<double> stepped(const Sized& sized, const Response& response,
                                      std::vector<double> z);

@@ -80,15 +80,16 @@ class Screening {
         first_steps_(subset_.task, base, subset_.state),
         cost_without_(first_steps_.cost_without()) {}
 
-  // True if the effect may be claimed: where it gains on the windows to select on as on these, but
-  // for the half nat that chance gains by each unknown, the gain that a claim needs is within two
-  // standard deviations. A log likelihood ratio varies by twice its expectation. A cost is twice a
-  // negative log likelihood; in chaotic motion the gain to first order is the better promise.
+  // True if the effect may be claimed: if it gains on the windows to select on what it gains here,
+  // less the half nat of chance for each unknown, the gain that a claim needs is within two
+  // standard deviations. A log likelihood ratio has a variance of twice its expectation; a cost is
+  // twice a negative log likelihood. In chaotic motion the gain to first order is the better
+  // promise.
   bool is_promising(const FittedCandidate& each, double first_order_gain = 0.0) const {
-    const double more_unknowns =
-        static_cast<double>(each.fitted.z.size()) - static_cast<double>(base_.fitted.z.size());
     const double gain = std::max(first_order_gain, cost_without_ - each.fitted.cost);
-    const double expected = std::max(0.0, 0.5 * gain - 0.5 * std::max(0.0, more_unknowns)) *
+    const double chance =
+        static_cast<double>(each.fitted.z.size()) - static_cast<double>(base_.fitted.z.size());
+    const double expected = 0.5 * std::max(0.0, gain - chance) *
                             static_cast<double>(data_.held_out.windows.size()) /
                             static_cast<double>(subset_.task.windows.size());
     return expected + 2.0 * std::sqrt(2.0 * expected) >= data_.criteria.claim_nats();

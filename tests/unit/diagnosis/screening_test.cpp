@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnosis/screening.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/unit/diagnosis/bench.h"
@@ -35,7 +34,7 @@ TEST(Screening, FindsAnEffect) {
   EXPECT_EQ(found.front(), "cubic_stiffness");
 }
 
-// About eighty are tried; before, sixteen and more of them were fitted whatever they gained.
+// About eighty effects are screened.
 TEST(Screening, FitsLittleToACleanRecording) { EXPECT_LE(screened(driven_mass()).size(), 8U); }
 
 }  // namespace
