@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "diagnosis/many_starts.h"
 #include "diagnosis/median.h"
 #include "diagnosis/noise_check.h"
 #include "diagnosis/noise_estimate.h"
@@ -223,16 +224,6 @@ Task task_for(std::span<const Experiment> experiments, Use use, int threads) {
   return task;
 }
 
-FitOptions brief_fit(int iterations) {
-  FitOptions options;
-  options.iterations = iterations;
-  options.tolerance = 1.0e-2;
-  options.own_steps = 0;
-  options.multistart = false;
-  options.covariance = false;
-  return options;
-}
-
 // Far from the solution a gain would run away with the load that it multiplies, and find back on a
 // curved path only: instruments, which are known best, are freed last.
 Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,
@@ -254,9 +245,10 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   out.hypothesis.emplace(model, data.campaign);
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
   const auto guesses = initial_states(data.train, *out.hypothesis);
-  out.fitted = fit_in_stages(data.train, *out.hypothesis, origin, guesses, complete_fit());
+  out.fitted =
+      fit_from_many_starts(data.train, *out.hypothesis, origin, guesses, data.seed, complete_fit());
   if (out.fitted.chi2_per_sample() > data.explained_chi2()) {
-    // Stages may have led it astray.
+    // Without the missing physics the beginnings of windows may lead elsewhere than all of them.
     Fit at_once = fit(data.train, *out.hypothesis, origin, guesses, complete_fit());
     if (at_once.cost < out.fitted.cost) out.fitted = std::move(at_once);
   }
@@ -322,9 +314,9 @@ void restart_best(const SearchData& data, const Hypothesis& declared, const Held
     FittedCandidate fresh = *each;
     fresh.hypothesis = unrefined(declared, *each);
     const Hypothesis& hypothesis = *fresh.hypothesis;
-    fresh.fitted = fit_in_stages(data.train, hypothesis, fresh_start(hypothesis, *each),
-                                 initial_states(data.train, hypothesis),
-                                 brief_fit(data.criteria.effort.rough_iterations));
+    fresh.fitted = fit_from_many_starts(data.train, hypothesis, fresh_start(hypothesis, *each),
+                                        initial_states(data.train, hypothesis), data.seed,
+                                        brief_fit(data.criteria.effort.rough_iterations));
     fit_and_score(data, current, {&fresh, 1});
     if (fresh.total_loss() < each->total_loss()) *each = std::move(fresh);
   }

@@ -36,9 +36,6 @@ SearchData search_data(std::span<const Experiment> experiments, const Criteria& 
 /// The windows of the experiments for one use, in units of the noise.
 Task task_for(std::span<const Experiment> experiments, Use use, int threads);
 
-/// Options of a fit that only has to rank candidates.
-FitOptions brief_fit(int iterations);
-
 /// Fits the beginning of each window first, where even a wrong model still follows the motion, then
 /// the whole windows with `options`.
 Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vector<double>& z,

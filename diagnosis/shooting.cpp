@@ -548,6 +548,16 @@ Fit fit_states_only(const Task& task, const Hypothesis& hypothesis, std::vector<
 
 }  // namespace
 
+FitOptions brief_fit(int iterations) {
+  FitOptions options;
+  options.iterations = iterations;
+  options.tolerance = 1.0e-2;
+  options.own_steps = 0;
+  options.multistart = false;
+  options.covariance = false;
+  return options;
+}
+
 double Fit::chi2_per_sample() const {
   double sum = 0.0;
   double freedom = 0.0;

@@ -114,6 +114,9 @@ struct FitOptions {
   bool start_anew = true;
 };
 
+/// Options of a fit that only has to rank candidates or starts.
+FitOptions brief_fit(int iterations);
+
 /// First guesses of the window states from the experiment's wide-band channels.
 std::vector<WindowState> initial_states(const Task& task, const Hypothesis& hypothesis);
 
