@@ -230,11 +230,9 @@ Fit fit_in_stages(const Task& task, const Hypothesis& hypothesis, const std::vec
                   const std::vector<WindowState>& states, const FitOptions& options) {
   Task beginning = task;
   beginning.share = first_stage_share;
-  const std::vector<double> all(z.size(), 1.0);
-  const std::vector<std::size_t> instruments = hypothesis.instruments_beyond(all, 0.0);
-  const Hypothesis held = hypothesis.holding(instruments);
+  const Hypothesis held = holding_instruments(hypothesis);
   Fit before = fit(beginning, held, carried_over(hypothesis, z, held), states, brief_fit(3));
-  if (!instruments.empty()) {
+  if (held.unknowns().size() < hypothesis.unknowns().size()) {
     before = fit(task, held, before.z, before.state, brief_fit(options.iterations));
   }
   return fit(task, hypothesis, carried_over(held, before.z, hypothesis), before.state, options);

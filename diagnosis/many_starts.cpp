@@ -36,19 +36,23 @@ std::vector<std::vector<double>> spread_starts(const Hypothesis& hypothesis,
   return out;
 }
 
-void keep_best(std::vector<Fit>& fits, std::size_t count) {
+void keep_better_half(std::vector<Fit>& fits) {
   std::stable_sort(fits.begin(), fits.end(),
                    [](const Fit& a, const Fit& b) { return a.cost < b.cost; });
-  fits.resize(std::min(fits.size(), count));
+  fits.resize((fits.size() + 1) / 2);
 }
 
 }  // namespace
 
+Hypothesis holding_instruments(const Hypothesis& hypothesis) {
+  const std::vector<double> beyond_any(hypothesis.unknowns().size(), 1.0);
+  return hypothesis.holding(hypothesis.instruments_beyond(beyond_any, 0.0));
+}
+
 Fit fit_from_many_starts(const Task& task, const Hypothesis& hypothesis,
                          const std::vector<double>& z, const std::vector<WindowState>& states,
                          std::uint64_t seed, const FitOptions& options) {
-  const std::vector<double> beyond_any(z.size(), 1.0);
-  const Hypothesis held = hypothesis.holding(hypothesis.instruments_beyond(beyond_any, 0.0));
+  const Hypothesis held = holding_instruments(hypothesis);
   std::vector<Fit> runners;
   for (std::vector<double>& start : spread_starts(held, carried_over(hypothesis, z, held), seed)) {
     Fit& next = runners.emplace_back();
@@ -62,7 +66,7 @@ Fit fit_from_many_starts(const Task& task, const Hypothesis& hypothesis,
     for (Fit& each : runners) {
       each = fit(beginning, held, std::move(each.z), std::move(each.state), brief_fit(3));
     }
-    keep_best(runners, (runners.size() + 1) / 2);
+    keep_better_half(runners);
   }
   return fit(task, hypothesis, carried_over(held, runners.front().z, hypothesis),
              runners.front().state, options);

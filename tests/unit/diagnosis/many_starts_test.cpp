@@ -23,29 +23,27 @@ double blows_n(double time_s) {
   return 10.0 * std::exp(-std::pow((std::fmod(time_s, 0.7) - 0.1) / 0.02, 2));
 }
 
-class ManyStarts : public ::testing::Test {
- protected:
-  Fit fitted(double stiffness_n_m, bool from_many) const {
-    physics::Model actual = ringing_mass();
-    actual.oscillator.stiffness_n_m = physics::Parameter{stiffness_n_m};
-    const auto recording = test::record(actual, 12.0, 1, true, blows_n);
-    const std::vector<Experiment> experiments{test::experiment_of(recording, ringing_mass())};
-    const Task task = test::all_windows(experiments);
-    const Hypothesis hypothesis(ringing_mass());
-    const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
-    const auto states = initial_states(task, hypothesis);
-    return from_many ? fit_from_many_starts(task, hypothesis, declared, states, 1, {})
-                     : fit(task, hypothesis, declared, states, {});
-  }
-};
+// The declared model fitted to a recording of a mass on such a spring.
+Fit fitted(double stiffness_n_m, bool from_many) {
+  physics::Model actual = ringing_mass();
+  actual.oscillator.stiffness_n_m = physics::Parameter{stiffness_n_m};
+  const auto recording = test::record(actual, 12.0, 1, true, blows_n);
+  const std::vector<Experiment> experiments{test::experiment_of(recording, ringing_mass())};
+  const Task task = test::all_windows(experiments);
+  const Hypothesis hypothesis(ringing_mass());
+  const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
+  const auto states = initial_states(task, hypothesis);
+  return from_many ? fit_from_many_starts(task, hypothesis, declared, states, 1, {})
+                   : fit(task, hypothesis, declared, states, {});
+}
 
-TEST_F(ManyStarts, FindTheNumberOfPeriodsInAWindow) {
+TEST(ManyStarts, FindTheNumberOfPeriodsInAWindow) {
   for (const double stiffness : {5000.0, 15800.0, 27000.0}) {
     EXPECT_NEAR(fitted(stiffness, true).chi2_per_sample(), 1.0, 0.1) << stiffness;
   }
 }
 
-TEST_F(ManyStarts, AreNeededWhereTheDeclaredStiffnessHasAnotherNumber) {
+TEST(ManyStarts, AreNeededWhereTheDeclaredStiffnessHasAnotherNumber) {
   EXPECT_GT(fitted(5000.0, false).chi2_per_sample(), 2.0);
 }
 
