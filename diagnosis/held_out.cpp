@@ -34,19 +34,28 @@ FitOptions states_only() {
 }
 
 // True for a gain that is certain although few windows show it, as of an effect that matters at
-// large amplitudes only: the spread over windows is not informative then. Only where the noise is
-// known, and losses are likelihoods. The best window alone is no proof, and few windows may become
-// worse.
-bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, const Criteria& criteria) {
-  double gained = 0.0;
-  double lost = 0.0;
+// large amplitudes only, or of one that a calibration far from the declared values had absorbed:
+// the spread over windows is not informative then. The best window alone is no proof, and no more
+// than the share `most_lost` of the gain may be lost elsewhere.
+bool is_gain_in_nats(const HeldOut& before, const HeldOut& after, double most_lost,
+                     const Criteria& criteria) {
+  const double of_prior = before.prior_penalty - after.prior_penalty;
+  double gained = std::max(0.0, of_prior);
+  double lost = std::max(0.0, -of_prior);
   double most = 0.0;
   for (std::size_t w = 0; w < before.loss.size(); ++w) {
     const double gain = before.loss[w] - after.loss[w];
     (gain > 0.0 ? gained : lost) += std::abs(gain);
     most = std::max(most, gain);
   }
-  return gained - most - lost > criteria.claim_nats() && lost < criteria.negligible_share * gained;
+  return gained - most - lost > criteria.claim_nats() && lost < most_lost * gained;
+}
+
+// Decrease of chi-squared per sample, the prior penalty included.
+double gained_chi2(const HeldOut& before, const HeldOut& after) {
+  const std::vector<int>& count = after.fitted.count;
+  const double samples = std::max(1, std::accumulate(count.begin(), count.end(), 0));
+  return before.chi2 - after.chi2 + 2.0 * (before.prior_penalty - after.prior_penalty) / samples;
 }
 
 // By Student's t, which few windows of like gains satisfy, or by signs, which gains of very
@@ -170,17 +179,15 @@ double sign_chance(const HeldOut& before, const HeldOut& after) {
 
 bool is_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,
              const Criteria& criteria, double least_chi2) {
-  // An implausible calibration is missing physics too, however well it predicts.
-  if (before.prior_penalty - after.prior_penalty > criteria.implausible_prior_penalty &&
-      before.total_loss() - after.total_loss() > criteria.implausible_prior_penalty) {
-    return true;
-  }
-  // A fit that reaches the estimated noise confirms that the estimate is not too small.
-  const bool is_likelihood =
-      noise_is_known || std::log(after.typical_chi2) < criteria.confirmed_noise_log;
-  const bool certain = is_beyond_chance(before, after, criteria) ||
-                       (is_likelihood && is_gain_in_nats(before, after, criteria));
-  return certain && before.chi2 - after.chi2 > least_chi2;
+  // Where no more than noise is left in a typical window, losses are likelihoods, whose sum counts.
+  // That confirms an estimate of the noise, too, as not too small. Where more is left, only a gain
+  // that hardly any window contradicts is certain.
+  const bool is_near_noise = std::log(after.typical_chi2) < criteria.confirmed_noise_log;
+  const double most_lost = is_near_noise ? 1.0 : criteria.negligible_share;
+  const bool certain =
+      is_beyond_chance(before, after, criteria) ||
+      ((noise_is_known || is_near_noise) && is_gain_in_nats(before, after, most_lost, criteria));
+  return certain && gained_chi2(before, after) > least_chi2;
 }
 
 bool is_major_gain(const HeldOut& before, const HeldOut& after, bool noise_is_known,

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <utility>
 
 #include "tests/unit/diagnosis/bench.h"
 
@@ -20,10 +21,11 @@ HeldOut with_losses(std::vector<double> loss) {
   return out;
 }
 
-// Relative to no loss at all: what was lost before is the gain.
+// Relative to no loss at all: what was lost before is the gain. No more than noise is left.
 HeldOut nothing_lost(std::size_t windows) {
   HeldOut out = with_losses(std::vector<double>(windows, 0.0));
   out.chi2 = 10.0;
+  out.typical_chi2 = 1.0;
   return out;
 }
 
@@ -47,7 +49,35 @@ TEST(Gain, IsBeyondChanceAtTheRateOfFalseAlarms) {
   EXPECT_FALSE(is_gain(before, after, true, criteria, 0.0)) << "1 in 2000";
   criteria.false_alarm_rate = 0.02;
   EXPECT_TRUE(is_gain(before, after, true, criteria, 0.0)) << "1 in 1000";
-  EXPECT_FALSE(is_gain(before, after, false, criteria, 0.0)) << "the noise is not known";
+  HeldOut far_from_noise = after;
+  far_from_noise.typical_chi2 = 10.0;
+  EXPECT_FALSE(is_gain(before, far_from_noise, false, criteria, 0.0)) << "the noise is not known";
+}
+
+// The calibration had put a number 5 standard deviations away, which the effect takes back: 12 nats
+// are the evidence, not what the windows show.
+TEST(Gain, IsThatOfADeclaredNumberTooWhichTheEffectTakesBack) {
+  HeldOut before = with_losses({0.5, -0.4, 0.2, -0.9, 0.1, 0.4, -0.3, 0.2});
+  HeldOut after = nothing_lost(before.loss.size());
+  EXPECT_FALSE(is_gain(before, after, true, {}, 0.0));
+  before.prior_penalty = 12.5;
+  EXPECT_TRUE(is_gain(before, after, true, {}, 0.0));
+  after.typical_chi2 = 10.0;
+  EXPECT_FALSE(is_gain(before, after, true, {}, 0.0)) << "more than noise is left, and four lose";
+  after.typical_chi2 = 1.0;
+  std::swap(before.prior_penalty, after.prior_penalty);
+  EXPECT_FALSE(is_gain(before, after, true, {}, 0.0));
+}
+
+// Beside a formula that may be wrong, a declared number taken back counts like the residuals.
+TEST(Gain, ExceedsWhatFormulasMayLeave) {
+  HeldOut before = with_losses({0.5, -0.4, 0.2, -0.9, 0.1, 0.4, -0.3, 0.2});
+  HeldOut after = nothing_lost(before.loss.size());
+  before.chi2 = after.chi2 = 1.0;
+  after.fitted.count.assign(after.loss.size(), 125);
+  before.prior_penalty = 12.5;
+  EXPECT_TRUE(is_gain(before, after, true, {}, 0.024)) << "25 of 1000 samples";
+  EXPECT_FALSE(is_gain(before, after, true, {}, 0.026));
 }
 
 TEST(Gain, OfFewWindowsIsChance) {
@@ -55,7 +85,8 @@ TEST(Gain, OfFewWindowsIsChance) {
   for (std::size_t w = 0; w < gains.size(); w += 2) gains[w] = -0.1;
   gains[3] = gains[12] = gains[17] = 300.0;
   const HeldOut before = with_losses(gains);
-  const HeldOut after = nothing_lost(gains.size());
+  HeldOut after = nothing_lost(gains.size());
+  after.typical_chi2 = 10.0;
   EXPECT_GT(sign_chance(before, after), 0.05) << "three windows have eight sets of signs";
   EXPECT_FALSE(is_gain(before, after, false, {}, 0.0));
 }
