@@ -55,7 +55,8 @@ struct Criteria {
   double negligible_share = 0.1;
   /// Prior penalty [nat] of the calibrated parameters (half the sum of squares of their distances
   /// from the declared values in standard deviations) above which the calibration is implausible.
-  /// Nine parameters that follow their priors exceed it once in 100000 recordings.
+  /// Nine parameters that follow their priors exceed it once in 100000 recordings. Effects are then
+  /// screened beside the declared values, too.
   double implausible_prior_penalty = 20.0;
   /// Distance of a typical window's log chi-squared per sample from 0 up to which an estimate of
   /// the noise is confirmed by the fit: anything but noise would leave more.
@@ -81,8 +82,8 @@ struct Criteria {
   // --- When the search goes on -----------------------------------------------------------------
   /// Held-out chi-squared per sample below which nothing further is searched.
   double noise_floor_chi2 = 1.1;
-  /// Calibrated parameters farther than this from the declared values [standard deviations] are
-  /// also started from the declared values when an effect is added.
+  /// Where fitted parameters are farther than this from those followed last [standard deviations],
+  /// a live check searches beside the latter, too.
   double distant_calibration = 2.0;
 
   // --- Which of several effects is preferred ---------------------------------------------------

@@ -320,4 +320,16 @@ void restart_best(const SearchData& data, const Hypothesis& declared, const Held
   }
 }
 
+bool refit_from(const SearchData& data, const FittedCandidate& other, FittedCandidate& each) {
+  const Hypothesis& hypothesis = *each.hypothesis;
+  Fit again =
+      fit(data.train, hypothesis, carried_over(*other.hypothesis, other.fitted.z, hypothesis),
+          warm_start_states(other.fitted.state, data.train, *other.hypothesis, hypothesis),
+          complete_fit());
+  if (!(again.cost < each.fitted.cost - 2.0)) return false;
+  each.fitted = std::move(again);
+  each.held_out = held_out_score(data.held_out, hypothesis, each.fitted.z, data.noise_is_known);
+  return true;
+}
+
 }  // namespace stickslip::diagnosis

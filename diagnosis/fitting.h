@@ -62,4 +62,9 @@ void fit_and_score(const SearchData& data, const HeldOut& current,
 void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
                   std::span<FittedCandidate> candidates);
 
+/// Fits `each` again from the parameters and states of `other`, a hypothesis with one effect or
+/// free number more or less, and keeps the better fit. True if that is better by more than a nat:
+/// `each` was in a local minimum, which `other` gains nothing over.
+bool refit_from(const SearchData& data, const FittedCandidate& other, FittedCandidate& each);
+
 }  // namespace stickslip::diagnosis

@@ -42,11 +42,38 @@ void keep_better_half(std::vector<Fit>& fits) {
   fits.resize((fits.size() + 1) / 2);
 }
 
+// Fits the beginnings of the windows, which grow as the worse half of the runners drops out each
+// time, and with `options` the best of them to whole windows, with the instruments free again.
+Fit fit_of_winner(const Task& task, const Hypothesis& hypothesis, const Hypothesis& held,
+                  std::vector<Fit> runners, const FitOptions& options) {
+  Task beginning = task;
+  beginning.steps = Steps::coarse;
+  for (const double share : growing_share) {
+    beginning.share = share;
+    for (Fit& each : runners) {
+      each = fit(beginning, held, std::move(each.z), std::move(each.state), brief_fit(3));
+    }
+    keep_better_half(runners);
+  }
+  return fit(task, hypothesis, carried_over(held, runners.front().z, hypothesis),
+             std::move(runners.front().state), options);
+}
+
 }  // namespace
 
 Hypothesis holding_instruments(const Hypothesis& hypothesis) {
   const std::vector<double> beyond_any(hypothesis.unknowns().size(), 1.0);
   return hypothesis.holding(hypothesis.instruments_beyond(beyond_any, 0.0));
+}
+
+Fit fit_growing_beginnings(const Task& task, const Hypothesis& hypothesis,
+                           const std::vector<double>& z, const std::vector<WindowState>& states,
+                           const FitOptions& options) {
+  const Hypothesis held = holding_instruments(hypothesis);
+  Fit start;
+  start.z = carried_over(hypothesis, z, held);
+  start.state = states;
+  return fit_of_winner(task, hypothesis, held, {std::move(start)}, options);
 }
 
 Fit fit_from_many_starts(const Task& task, const Hypothesis& hypothesis,
@@ -59,17 +86,7 @@ Fit fit_from_many_starts(const Task& task, const Hypothesis& hypothesis,
     next.z = std::move(start);
     next.state = states;
   }
-  Task beginning = task;
-  beginning.steps = Steps::coarse;
-  for (const double share : growing_share) {
-    beginning.share = share;
-    for (Fit& each : runners) {
-      each = fit(beginning, held, std::move(each.z), std::move(each.state), brief_fit(3));
-    }
-    keep_better_half(runners);
-  }
-  return fit(task, hypothesis, carried_over(held, runners.front().z, hypothesis),
-             runners.front().state, options);
+  return fit_of_winner(task, hypothesis, held, std::move(runners), options);
 }
 
 }  // namespace stickslip::diagnosis

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <functional>
 #include <numeric>
 #include <optional>
 #include <utility>
 
 #include "diagnosis/first_step.h"
+#include "diagnosis/many_starts.h"
 #include "diagnosis/number_scores.h"
 #include "diagnosis/parallel/for_each.h"
 #include "physics/number_text.h"
@@ -39,14 +41,6 @@ std::vector<bool> chosen_windows(const Fit& fitted, std::size_t most) {
   return chosen;
 }
 
-// True if missing physics has pulled the calibration of `base` far away from the declared values.
-bool is_distant(const FittedCandidate& base, double most) {
-  for (std::size_t u = 0; u < base.fitted.z.size(); ++u) {
-    if (base.hypothesis->unknowns()[u].of_model && std::abs(base.fitted.z[u]) > most) return true;
-  }
-  return false;
-}
-
 // A number that is wrong by a factor is searched from both sides too: every start covers about a
 // decade.
 void add_factors(std::vector<std::vector<double>>& points, const Hypothesis& hypothesis) {
@@ -70,15 +64,25 @@ std::vector<std::vector<double>> starts_of(const CandidateEffect& candidate,
   return candidate.effect->starts(scales);
 }
 
+bool is_plain_number(const CandidateEffect& each) {
+  return each.is_number() && !each.is_comparison();
+}
+
 class Screening {
  public:
-  Screening(const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base)
+  Screening(const SearchData& data, const ResidualFeatures& features, const FittedCandidate& base,
+            WindowSubset subset, bool is_declared)
       : data_(data),
         features_(features),
         base_(base),
-        subset_(window_subset(data, base)),
+        is_declared_(is_declared),
+        subset_(std::move(subset)),
         first_steps_(subset_.task, base, subset_.state),
         cost_without_(first_steps_.cost_without()) {}
+  Screening(const Screening&) = delete;
+  Screening& operator=(const Screening&) = delete;
+
+  const FittedCandidate& base() const { return base_; }
 
   // True if the effect may be claimed: if it gains on the windows to select on what it gains here,
   // less the half nat of chance for each unknown, the gain that a claim needs is within two
@@ -113,7 +117,7 @@ class Screening {
           extended(*base_.hypothesis, candidate, start, fixed, Detail::coarse);
       std::vector<std::vector<double>> points{
           carried_over(*base_.hypothesis, base_.fitted.z, hypothesis)};
-      if (candidate.is_number() && !candidate.is_comparison()) add_factors(points, hypothesis);
+      if (is_plain_number(candidate)) add_factors(points, hypothesis);
       const auto states =
           warm_start_states(subset_.state, subset_.task, *base_.hypothesis, hypothesis);
       for (const std::vector<double>& point : points) {
@@ -134,11 +138,8 @@ class Screening {
   // Of the numbers, the `most` that gain most to first order. All effects are kept.
   void keep_best_numbers(std::vector<CandidateEffect>& candidates, std::size_t most) const {
     std::vector<CandidateEffect> numbers;
-    const auto is_plain = [](const CandidateEffect& each) {
-      return each.is_number() && !each.is_comparison();
-    };
     for (const CandidateEffect& each : candidates) {
-      if (is_plain(each)) numbers.push_back(each);
+      if (is_plain_number(each)) numbers.push_back(each);
     }
     if (numbers.size() <= most) return;
     const std::vector<double> gain = gains_of_numbers(subset_.task, base_, subset_.state, numbers);
@@ -146,20 +147,17 @@ class Screening {
     std::sort(sorted.begin(), sorted.end(), std::greater<>());
     std::size_t next = 0;
     std::erase_if(candidates, [&](const CandidateEffect& each) {
-      return is_plain(each) && gain[next++] < sorted[most - 1];
+      return is_plain_number(each) && gain[next++] < sorted[most - 1];
     });
   }
 
-  // From the fit so far, or, where that has moved far away, from the declared values and first
-  // guesses of the states, whichever is better.
+  // Instruments that a calibration has put far away may not find back in stages.
   void fit_roughly(FittedCandidate& each) const {
-    if (is_distant(base_, data_.criteria.distant_calibration)) {
-      Fit fitted = fit(subset_.task, *each.hypothesis, declared_point(*each.hypothesis),
-                       initial_states(subset_.task, *each.hypothesis), first_fit());
-      if (fitted.cost < each.fitted.cost) each.fitted = std::move(fitted);
-    }
-    each.fitted = fit_in_stages(subset_.task, *each.hypothesis, each.fitted.z, each.fitted.state,
-                                brief_fit(data_.criteria.effort.rough_iterations));
+    const Hypothesis& hypothesis = *each.hypothesis;
+    const FitOptions options = brief_fit(data_.criteria.effort.rough_iterations);
+    const auto fit_from = is_declared_ ? fit_growing_beginnings : fit_in_stages;
+    Fit fitted = fit_from(subset_.task, hypothesis, each.fitted.z, each.fitted.state, options);
+    if (fitted.cost < each.fitted.cost) each.fitted = std::move(fitted);
   }
 
   void refine(FittedCandidate& each) const {
@@ -187,18 +185,10 @@ class Screening {
     return options;
   }
 
-  // The declared values, beside the effect at its start.
-  std::vector<double> declared_point(const Hypothesis& hypothesis) const {
-    std::vector<double> z = carried_over(*base_.hypothesis, base_.fitted.z, hypothesis);
-    for (std::size_t u = 0; u < z.size(); ++u) {
-      if (hypothesis.unknowns()[u].of_model) z[u] = 0.0;
-    }
-    return z;
-  }
-
   const SearchData& data_;
   const ResidualFeatures& features_;
   const FittedCandidate& base_;
+  bool is_declared_;  // the base has its declared values
   WindowSubset subset_;
   FirstSteps first_steps_;
   double cost_without_;  // of the base on the subset
@@ -234,6 +224,96 @@ void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandid
   candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
 }
 
+// A candidate, and the screening beside whose base it was fitted.
+struct Screened {
+  FittedCandidate candidate;
+  const Screening* from = nullptr;
+};
+
+const FittedCandidate& fit_of(const FittedCandidate& each) { return each; }
+const FittedCandidate& fit_of(const Screened& each) { return each.candidate; }
+
+template <class Candidate>
+void sort_by_cost(std::vector<Candidate>& candidates, const Criteria& criteria) {
+  const auto cost = [&](const Candidate& each) {
+    return fit_of(each).fitted.cost + complexity_of(fit_of(each), criteria);
+  };
+  std::ranges::stable_sort(candidates, {}, cost);
+}
+
+// Of the fits of one candidate from different bases the better, which comes first.
+void keep_better_of_twins(std::vector<Screened>& candidates) {
+  std::vector<Screened> kept;
+  for (Screened& each : candidates) {
+    const bool is_twin = std::ranges::any_of(kept, [&](const Screened& better) {
+      return better.candidate.candidate == each.candidate.candidate;
+    });
+    if (!is_twin) kept.push_back(std::move(each));
+  }
+  candidates = std::move(kept);
+}
+
+// The base at its declared values, where its calibration is implausible: missing physics has pulled
+// it there, and a step from it may lead anywhere but back.
+std::optional<FittedCandidate> at_declared_values(const SearchData& data,
+                                                  const FittedCandidate& base) {
+  const double penalty = prior_penalty(*base.hypothesis, base.fitted.z);
+  if (penalty <= data.criteria.implausible_prior_penalty) return std::nullopt;
+  FittedCandidate out = base;
+  for (std::size_t u = 0; u < out.fitted.z.size(); ++u) {
+    if (base.hypothesis->unknowns()[u].of_model) out.fitted.z[u] = 0.0;
+  }
+  FitOptions states_only = brief_fit(6);
+  states_only.parameters_free = false;
+  Task task = data.train;
+  task.steps = Steps::coarse;
+  out.fitted =
+      fit(task, *out.hypothesis, out.fitted.z, initial_states(task, *out.hypothesis), states_only);
+  return out;
+}
+
+WindowSubset with_states_of(WindowSubset subset, const FittedCandidate& base) {
+  for (std::size_t i = 0; i < subset.window.size(); ++i) {
+    subset.state[i] = base.fitted.state[subset.window[i]];
+  }
+  return subset;
+}
+
+// The effects that the base may lack, and the most promising of its numbers.
+std::vector<CandidateEffect> effects_beside(const SearchData& data, const FittedCandidate& base,
+                                            const CandidateFilter& wanted,
+                                            const Screening& screening) {
+  std::vector<CandidateEffect> out =
+      candidate_effects(base.hypothesis->model(), data.experiments, base.hypothesis->campaign());
+  if (const physics::Campaign* campaign = base.hypothesis->campaign()) {
+    const auto more = comparison_candidates(base.hypothesis->model(), data.experiments, *campaign);
+    out.insert(out.end(), more.begin(), more.end());
+  }
+  erase_unknown_numbers(out, *base.hypothesis);
+  if (wanted) std::erase_if(out, std::not_fn(wanted));
+  screening.keep_best_numbers(out, data.criteria.effort.rough_numbers);
+  return out;
+}
+
+// The candidates that gain most in their first steps beside one base.
+std::vector<FittedCandidate> best_screened(const SearchData& data, const Screening& screening,
+                                           const std::vector<CandidateEffect>& effects,
+                                           std::size_t most) {
+  std::vector<std::optional<FittedCandidate>> screened(effects.size());
+  parallel::for_each(effects.size(), data.threads,
+                     [&](std::size_t i) { screened[i] = screening.screened(effects[i]); });
+  std::vector<FittedCandidate> out;
+  for (auto& each : screened) {
+    if (each) out.push_back(*std::move(each));
+  }
+  sort_by_cost(out, data.criteria);
+  const FittedCandidate& base = screening.base();
+  if (base.hypothesis->recordings() > 1)
+    keep_best_comparisons(out, data.criteria.effort.rough_numbers);
+  keep_promising(out, base, most);
+  return out;
+}
+
 }  // namespace
 
 WindowSubset window_subset(const SearchData& data, const FittedCandidate& base) {
@@ -261,54 +341,43 @@ std::vector<FittedCandidate> screen(
     const CandidateFilter& wanted,
     const std::function<void(const std::string& step, double done)>& progress) {
   const Effort& effort = data.criteria.effort;
-  std::vector<CandidateEffect> effects =
-      candidate_effects(base.hypothesis->model(), data.experiments, base.hypothesis->campaign());
-  if (const physics::Campaign* campaign = base.hypothesis->campaign()) {
-    const auto more = comparison_candidates(base.hypothesis->model(), data.experiments, *campaign);
-    effects.insert(effects.end(), more.begin(), more.end());
+  const WindowSubset subset = window_subset(data, base);
+  const std::optional<FittedCandidate> declared = at_declared_values(data, base);
+  std::deque<Screening> from;
+  from.emplace_back(data, features, base, subset, false);
+  if (declared) {
+    from.emplace_back(data, features, *declared, with_states_of(subset, *declared), true);
   }
-  erase_unknown_numbers(effects, *base.hypothesis);
-  if (wanted) std::erase_if(effects, std::not_fn(wanted));
-  const Screening screening(data, features, base);
-  screening.keep_best_numbers(effects, effort.rough_numbers);
-  const auto plain_numbers = std::count_if(
-      effects.begin(), effects.end(),
-      [](const CandidateEffect& each) { return each.is_number() && !each.is_comparison(); });
-  std::size_t numbers = static_cast<std::size_t>(plain_numbers);
+  const std::vector<CandidateEffect> effects = effects_beside(data, base, wanted, from.front());
+  std::size_t numbers = static_cast<std::size_t>(std::ranges::count_if(effects, is_plain_number));
+  if (base.hypothesis->recordings() > 1) numbers += effort.rough_numbers;
+
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
-  std::vector<std::optional<FittedCandidate>> screened(effects.size());
-  parallel::for_each(effects.size(), data.threads,
-                     [&](std::size_t i) { screened[i] = screening.screened(effects[i]); });
-  std::vector<FittedCandidate> candidates;
-  for (auto& each : screened) {
-    if (each) candidates.push_back(*std::move(each));
+  std::vector<Screened> candidates;
+  for (const Screening& each : from) {
+    for (FittedCandidate& one : best_screened(data, each, effects, effort.rough_fits + numbers)) {
+      candidates.push_back({std::move(one), &each});
+    }
   }
-  const auto sort = [&] {
-    const auto cost = [&](const FittedCandidate& each) {
-      return each.fitted.cost + complexity_of(each, data.criteria);
-    };
-    std::stable_sort(
-        candidates.begin(), candidates.end(),
-        [&](const FittedCandidate& a, const FittedCandidate& b) { return cost(a) < cost(b); });
-  };
-  sort();
-  if (base.hypothesis->recordings() > 1) {
-    keep_best_comparisons(candidates, effort.rough_numbers);
-    numbers += effort.rough_numbers;
-  }
-  keep_promising(candidates, base, effort.rough_fits + numbers);
   progress("refining the best effects", 0.5);
-  parallel::for_each(candidates.size(), data.threads,
-                     [&](std::size_t i) { screening.fit_roughly(candidates[i]); });
-  std::erase_if(candidates, [&](const FittedCandidate& each) {
-    return replaces_law(*base.hypothesis, *each.hypothesis) && !screening.is_promising(each);
+  parallel::for_each(candidates.size(), data.threads, [&](std::size_t i) {
+    candidates[i].from->fit_roughly(candidates[i].candidate);
   });
-  sort();
+  std::erase_if(candidates, [&](const Screened& each) {
+    return replaces_law(*base.hypothesis, *each.candidate.hypothesis) &&
+           !each.from->is_promising(each.candidate);
+  });
+  sort_by_cost(candidates, data.criteria);
+  keep_better_of_twins(candidates);
   parallel::for_each(std::min(effort.refinements + numbers, candidates.size()), data.threads,
-                     [&](std::size_t i) { screening.refine(candidates[i]); });
-  sort();
-  for (FittedCandidate& each : candidates) screening.extend_to_all_windows(each);
-  return candidates;
+                     [&](std::size_t i) { candidates[i].from->refine(candidates[i].candidate); });
+  sort_by_cost(candidates, data.criteria);
+  std::vector<FittedCandidate> out;
+  for (Screened& each : candidates) {
+    each.from->extend_to_all_windows(each.candidate);
+    out.push_back(std::move(each.candidate));
+  }
+  return out;
 }
 
 }  // namespace stickslip::diagnosis

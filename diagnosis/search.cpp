@@ -190,7 +190,7 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
   restart_best(data_, *declared_.hypothesis, current_.held_out, candidates);
-  share_states(candidates);
+  share_fit(candidates);
   if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
     add_trial({each.candidate}, claims_.size(), each, current_.held_out);
@@ -198,13 +198,15 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   rank_determined(candidates, data_, current_.held_out, seed());
 }
 
-// No candidate gains by what the present model, in the states of its windows, could have found.
-void Search::share_states(std::vector<FittedCandidate>& candidates) {
+// No candidate gains by what the present model, with its parameters and the states of its windows,
+// could have found.
+void Search::share_fit(std::vector<FittedCandidate>& candidates) {
   const auto best = std::min_element(candidates.begin(), candidates.end(),
                                      [](const FittedCandidate& a, const FittedCandidate& b) {
                                        return a.total_loss() < b.total_loss();
                                      });
   if (best == candidates.end()) return;
+  improve_from(*best);
   current_.held_out =
       rescored_from(best->held_out, *best->hypothesis, data_.held_out, *current_.hypothesis,
                     current_.fitted.z, current_.held_out, data_.noise_is_known);
@@ -278,12 +280,28 @@ std::vector<FittedCandidate> Search::finalists_beside(const FittedCandidate& bas
       [&](const std::string& step, double done) { report(step, 0.5 * done); }, wanted);
 }
 
+// True if the present model fits better from the parameters of `other`. Without claims it is the
+// declared one, unless instruments are held.
+bool Search::improve_from(const FittedCandidate& other) {
+  if (!refit_from(data_, other, current_)) return false;
+  const auto unknowns = [](const FittedCandidate& each) {
+    return each.hypothesis->unknowns().size();
+  };
+  const bool is_declared = claims_.empty() && unknowns(current_) == unknowns(declared_);
+  if (is_declared) declared_ = current_;
+  rests_.clear();
+  detection_.reset();
+  features_ = features_of(current_);
+  return true;
+}
+
 bool Search::add_effect() {
   if (!may_search()) return false;
   if (is_complete()) return add_contradicted_instrument();
   if (add_effect_beside_current()) return true;
   std::optional<FittedCandidate> held = with_instruments_held(current_);
   if (!held) return false;
+  if (improve_from(*held)) return add_effect();
   FittedCandidate before = current_;
   set_current(std::move(*held));
   features_ = features_of(current_);

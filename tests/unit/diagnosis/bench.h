@@ -64,6 +64,19 @@ inline double swelling_force_n(double time_s) {
   return 1.5 * (1.0 - std::cos(turn / 6.0)) * std::sin(2.0 * turn) + std::sin(0.7 * turn);
 }
 
+/// Blows of 20 ms, after which a mass rings.
+inline double blows_n(double time_s) {
+  return 10.0 * std::exp(-std::pow((std::fmod(time_s, 0.7) - 0.1) / 0.02, 2));
+}
+
+/// The mass at 20 Hz, with eight periods in a window: where the declared uncertainty of the
+/// stiffness is two of them, the cost has a minimum for each number of periods.
+inline physics::Model ringing_mass(double stiffness_sigma_n_m) {
+  physics::Model model = driven_mass();
+  model.oscillator.stiffness_n_m = physics::Parameter{15800.0, stiffness_sigma_n_m};
+  return model;
+}
+
 inline constexpr std::uint8_t bits_of_displacement_and_force =
     (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::drive_force));
 

@@ -3,31 +3,19 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
+#include "diagnosis/fitting.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
 namespace {
 
-// At 20 Hz, with eight periods in a window: the declared uncertainty of the stiffness is two of
-// them.
-physics::Model ringing_mass() {
-  physics::Model model = test::driven_mass();
-  model.oscillator.stiffness_n_m = physics::Parameter{15800.0, 8000.0};
-  return model;
-}
-
-// Blows of 20 ms, after which the mass rings.
-double blows_n(double time_s) {
-  return 10.0 * std::exp(-std::pow((std::fmod(time_s, 0.7) - 0.1) / 0.02, 2));
-}
+physics::Model ringing_mass() { return test::ringing_mass(8000.0); }
 
 // The declared model fitted to a recording of a mass on such a spring.
 Fit fitted(double stiffness_n_m, bool from_many) {
   physics::Model actual = ringing_mass();
   actual.oscillator.stiffness_n_m = physics::Parameter{stiffness_n_m};
-  const auto recording = test::record(actual, 12.0, 1, true, blows_n);
+  const auto recording = test::record(actual, 12.0, 1, true, test::blows_n);
   const std::vector<Experiment> experiments{test::experiment_of(recording, ringing_mass())};
   const Task task = test::all_windows(experiments);
   const Hypothesis hypothesis(ringing_mass());
@@ -41,6 +29,33 @@ TEST(ManyStarts, FindTheNumberOfPeriodsInAWindow) {
   for (const double stiffness : {5000.0, 15800.0, 27000.0}) {
     EXPECT_NEAR(fitted(stiffness, true).chi2_per_sample(), 1.0, 0.1) << stiffness;
   }
+}
+
+// The model could have found by itself all that an effect which does nothing has led to.
+TEST(Refit, LeavesALocalMinimumThatAnotherHypothesisAvoided) {
+  physics::Model actual = ringing_mass();
+  actual.oscillator.stiffness_n_m = physics::Parameter{5000.0};
+  const auto recording = test::record(actual, 12.0, 1, true, test::blows_n);
+  const std::vector<Experiment> experiments{test::experiment_of(recording, ringing_mass())};
+  const SearchData data = search_data(experiments, Criteria(), 1, 1);
+  const auto fitted = [&](const Hypothesis& hypothesis, auto&& fit_of) {
+    FittedCandidate out;
+    out.hypothesis = hypothesis;
+    const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
+    out.fitted = fit_of(data.train, hypothesis, declared, initial_states(data.train, hypothesis));
+    return out;
+  };
+  const Hypothesis model(ringing_mass());
+  const Hypothesis with_effect(
+      test::with_term(ringing_mass(), "cubic_stiffness", {{"k3_n_m3", {0.0, 1.0}}}));
+  FittedCandidate stuck = fitted(model, [](const auto&... of) { return fit(of..., {}); });
+  const FittedCandidate other =
+      fitted(with_effect, [](const auto&... of) { return fit_from_many_starts(of..., 1, {}); });
+  ASSERT_GT(stuck.fitted.chi2_per_sample(), 2.0);
+  EXPECT_TRUE(refit_from(data, other, stuck));
+  EXPECT_NEAR(stuck.fitted.chi2_per_sample(), 1.0, 0.1);
+  EXPECT_NEAR(stuck.held_out.chi2, 1.0, 0.3);
+  EXPECT_FALSE(refit_from(data, other, stuck)) << "nothing more to be found";
 }
 
 TEST(ManyStarts, AreNeededWhereTheDeclaredStiffnessHasAnotherNumber) {
