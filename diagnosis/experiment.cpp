@@ -256,21 +256,21 @@ void set_readings_of(Experiment& e, const Source& source, std::size_t c) {
   const auto bit = static_cast<std::uint8_t>((1U << c) & e.compared);
   const auto& list = source.readings[c].list;
   std::size_t filled = 0;  // samples so far
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    const double nearest = std::round(list[i].at);
+  for (const auto& each : list) {
+    const double nearest = std::round(each.at);
     if (nearest < static_cast<double>(filled) || nearest >= static_cast<double>(e.samples))
       continue;
     const auto k = static_cast<std::size_t>(nearest);
-    const double before = filled > 0 ? e.reading[filled - 1][c] : list[i].value;
+    const double before = filled > 0 ? e.reading[filled - 1][c] : each.value;
     const auto distance = static_cast<double>(k + 1 - filled);
     for (std::size_t j = filled; j < k; ++j) {
       const double share = static_cast<double>(j + 1 - filled) / distance;
-      e.reading[j][c] = before + share * (list[i].value - before);
+      e.reading[j][c] = before + share * (each.value - before);
     }
-    e.reading[k][c] = list[i].value;
+    e.reading[k][c] = each.value;
     e.valid[k] = static_cast<std::uint8_t>(e.valid[k] | bit);
     if (!e.measured_after_s.empty()) {
-      e.measured_after_s[k][c] = static_cast<float>((list[i].at - nearest) * e.period_s);
+      e.measured_after_s[k][c] = static_cast<float>((each.at - nearest) * e.period_s);
     }
     filled = k + 1;
   }
@@ -502,6 +502,29 @@ physics::Input input_at(const Source& source, const WideBandSignals& signals,
   return input;
 }
 
+// That of a force at knots depends on the windows. Only a declared one counts: no inertia bounds the
+// frequencies of a force, and what looks like its noise may be that of a controller, which acts.
+void set_drive_noise(Experiment& e, const Source& source, const WideBandSignals& signals) {
+  switch (source.excitation()) {
+    case Excitation::base:
+      e.drive_noise = signals.base.acceleration_noise_std;
+      break;
+    case Excitation::imposed:
+      e.drive_noise = signals.displacement.rate_noise_std;
+      break;
+    case Excitation::force: {
+      if (!e.noise_declared[index_of(Channel::drive_force)]) break;
+      const auto& force = source.of(Channel::drive_force);
+      const Segment segment = e.longest_segment();
+      const Series series = series_over(force, source.grid, {segment.begin, segment.end});
+      e.drive_force_period_s = e.period_s * force.spacing;
+      e.drive_force_noise = NoiseFloor(series.value, e.drive_force_period_s,
+                                       e.noise_std[index_of(Channel::drive_force)]);
+      break;
+    }
+  }
+}
+
 // The signals, were the cut-offs of the drive's channel higher and its lag the same.
 WideBandSignals at_higher_cutoff(const Experiment& e, const Source& source,
                                  WideBandSignals signals) {
@@ -535,8 +558,9 @@ std::vector<physics::Input> inputs_from(const Experiment& e, const Source& sourc
     const std::size_t first = segment.begin * substeps;
     const std::size_t last = (segment.end - 1) * substeps;
     for (std::size_t i = first; i <= last; ++i) {
+      const std::size_t sample = i / substeps;
       const double fraction = static_cast<double>(i % substeps) / e.substeps;
-      const double position = static_cast<double>(i / substeps) + fraction;
+      const double position = static_cast<double>(sample) + fraction;
       input[i] = input_at(source, signals, segment, position);
     }
     const std::size_t middle = filled > 0 ? filled + (first - filled) / 2 : 0;
@@ -610,13 +634,26 @@ int drive_knots_for(const Model& model, const Experiment& e, double span_s) {
   return std::clamp(static_cast<int>(per_period * periods), smoothed, max_drive_knots);
 }
 
+// Noise between two knots averages out: that of the knots has the power of the noise of the samples
+// at the frequencies which lines between knots can follow.
+double force_noise_at_knots(const Experiment& e, double span_s) {
+  constexpr int frequencies = 8;
+  const double knot_distance_s = span_s / (e.drive_knots - 1);
+  double variance = 0.0;
+  for (int i = 0; i < frequencies; ++i) {
+    variance += e.drive_force_noise.at((i + 0.5) / frequencies * 0.5 / knot_distance_s);
+  }
+  return std::sqrt(variance / frequencies * e.drive_force_period_s / knot_distance_s);
+}
+
 // Eight, three and one of twelve windows, in blocks of up to four: neighbours share a boundary and
 // belong on the same side. Blocks are spread by the golden ratio: a regular pattern could coincide
 // with a periodic drive and always choose the same part of the motion.
 void assign_uses(std::vector<Window>& windows) {
   const std::size_t block = std::clamp<std::size_t>(windows.size() / 12, 1, 4);
   for (std::size_t i = 0; i < windows.size(); ++i) {
-    const double turn = static_cast<double>(i / block) / std::numbers::phi;
+    const std::size_t blocks = i / block;  // before this one
+    const double turn = static_cast<double>(blocks) / std::numbers::phi;
     const double place = turn - std::floor(turn);
     windows[i].use = place < 2.0 / 3.0 ? Use::fit : place < 11.0 / 12.0 ? Use::select : Use::report;
   }
@@ -672,8 +709,7 @@ Experiment make_experiment(const protocol::Recording& as_recorded, const Model& 
   set_readings(e, source);
   set_segments(e, source);
   const WideBandSignals signals = wide_band_signals(e, source);
-  e.drive_noise = source.excitation() == Excitation::imposed ? signals.displacement.rate_noise_std
-                                                             : signals.base.acceleration_noise_std;
+  set_drive_noise(e, source, signals);
   e.drive_band_hz = signals.displacement.highest_hz;
   e.mean_load_n = mean_load_n(source);
   e.input = inputs_from(e, source, signals);
@@ -734,7 +770,11 @@ void cut_windows(Experiment& e, const Model& model, double horizon_s) {
     }
   }
   assign_uses(e.windows);
-  e.drive_knots = drive_knots_for(model, e, static_cast<double>(warm + length) * e.period_s);
+  const double span_s = static_cast<double>(warm + length) * e.period_s;
+  e.drive_knots = drive_knots_for(model, e, span_s);
+  if (model.oscillator.excitation == Excitation::force) {
+    e.drive_noise = force_noise_at_knots(e, span_s);
+  }
 }
 
 }  // namespace stickslip::diagnosis

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/noise_floor.h"
 #include "physics/frame.h"
 #include "physics/model.h"
 #include "physics/simulator.h"
@@ -89,10 +90,13 @@ struct Experiment {
   std::array<double, channel_count> channel_std{};  ///< standard deviation of the recording
   /// Noise over that of the noisiest recording, where each has its own.
   std::array<double, predicted_channels> noise_ratio = {1.0, 1.0, 1.0, 1.0};
-  /// Standard deviation of the drive as derived from its noisy channel: of the base's acceleration
-  /// [m/s^2], or of the velocity of an imposed motion [m/s].
+  /// Standard deviation of the drive as derived from its noisy channel, at each of `drive_knots`:
+  /// of the base's acceleration [m/s^2], of the velocity of an imposed motion [m/s], or of a drive
+  /// force, averaged over the distance of two knots [N].
   double drive_noise = 0.0;
-  double drive_band_hz = 0.0;  ///< highest frequency of the drive as derived
+  NoiseFloor drive_force_noise{0.0};  ///< by reading [N^2]
+  double drive_force_period_s = 0.0;  ///< between its readings
+  double drive_band_hz = 0.0;         ///< highest frequency of the drive as derived
   int drive_knots =
       0;               ///< of the spline that models its error in a window; at most max_drive_knots
   StateGuess largest;  ///< largest magnitude of each guessed quantity

@@ -552,6 +552,19 @@ TEST(Fit, WeighsResidualsByTheNoiseOfTheBase) {
   EXPECT_GT(chi2.with, 0.8);
 }
 
+// The noise of the force as read moves the mass of a simulation by more than the gauge's noise.
+TEST(Fit, WeighsResidualsByTheNoiseOfADriveForce) {
+  physics::Model model = driven_mass();
+  model.oscillator.stiffness_n_m = physics::Parameter{158.0};
+  model.oscillator.damping_n_s_m = physics::Parameter{0.5};
+  model.sensors[index_of(Channel::displacement)].noise_std = 5.0e-6;
+  model.sensors[index_of(Channel::drive_force)].noise_std = 0.02;
+  const auto chi2 = chi2_of(record(model, 24.0), model);
+  EXPECT_GT(chi2.without, 10.0);
+  EXPECT_LT(chi2.with, 1.1);
+  EXPECT_GT(chi2.with, 0.8);
+}
+
 // Friction changes its sign within a millisecond of a reversal, whose time the gauge's noise blurs.
 TEST(Fit, KnowsAnImposedMotionUpToItsNoise) {
   physics::Model model;
