@@ -42,9 +42,12 @@ int most_drive_knots(std::span<const Experiment> experiments) {
   return most;
 }
 
-void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess) {
-  prior.centre[state::x] = guess.displacement_m;
-  prior.centre[state::v] = guess.velocity_m_s;
+// The guesses are readings: under a hypothesis whose gauge has an offset or another gain the mass
+// is elsewhere, and costs nothing there.
+void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess,
+                          const physics::ReadingLaw<double>& gauge) {
+  prior.centre[state::x] = (guess.displacement_m - gauge.offset) / gauge.gain;
+  prior.centre[state::v] = guess.velocity_m_s / gauge.gain;
   prior.centre[state::y] = guess.load_cell_deflection_m;
   prior.centre[state::u] = guess.load_cell_velocity_m_s;
   const double x_scale = e.channel_std[index_of(Channel::displacement)];
@@ -55,8 +58,7 @@ void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGue
 }
 
 void set_contact_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess,
-                       const physics::Rig& rig, std::span<const double> parameters) {
-  const auto n = rig.numbers<double>(parameters);
+                       const physics::Rig& rig, const physics::RigNumbers<double>& n) {
   const double level = n.c.mu * (rig.structure().loaded ? e.mean_load_n : 1.0);
   const bool force_known = (e.compared >> index_of(Channel::friction_force)) & 1U;
   double theta = guess.velocity_m_s > 0.0 ? 0.8 : -0.8;
@@ -105,8 +107,9 @@ StatePrior state_prior(const Experiment& e, const Window& window, const Hypothes
   const StateGuess& guess = e.guess[window.warm];
   const auto& rig = hypothesis.rig();
   StatePrior prior;
-  set_mechanical_prior(prior, e, guess);
-  if (rig.has_state(state::contact)) set_contact_prior(prior, e, guess, rig, parameters);
+  const auto n = rig.numbers<double>(parameters);
+  set_mechanical_prior(prior, e, guess, n.reading.of[index_of(Channel::displacement)]);
+  if (rig.has_state(state::contact)) set_contact_prior(prior, e, guess, rig, n);
   physics::Scales scales;
   scales.displacement_m = e.largest.displacement_m;
   if (rig.structure().loaded) scales.mean_load_n = e.mean_load_n;

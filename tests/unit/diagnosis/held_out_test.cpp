@@ -107,6 +107,26 @@ TEST(Gain, ByChanceIsAsRareAsItsLevel) {
   }
 }
 
+// A zero that is off by a known amount, of a gauge that states are guessed from, costs nothing: no
+// hypothesis of another force gains by it.
+TEST(Gain, IsNotThatOfAGaugeThatReadsAsTheStatesAreGuessed) {
+  const auto recording = test::record(test::driven_mass(), 12.0);
+  const auto loss = [](const protocol::Recording& of, double offset_m) {
+    physics::Model model = test::driven_mass();
+    model.sensors[index_of(Channel::displacement)].offset = physics::Parameter{offset_m};
+    const std::vector<Experiment> experiments = {test::experiment_of(of, model)};
+    const Hypothesis hypothesis(model);
+    const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+    return held_out_score(test::all_windows(experiments), hypothesis, z, true).total_loss();
+  };
+  constexpr double offset_m = 0.05;
+  protocol::Recording off = recording;
+  for (Frame& frame : off.frames) {
+    frame.set(Channel::displacement, frame[Channel::displacement] + offset_m);
+  }
+  EXPECT_NEAR(loss(off, offset_m), loss(recording, 0.0), 0.1);
+}
+
 // A window in a local minimum makes a hypothesis no worse than one that found the states.
 TEST(Gain, IsNotThatOfAnotherStartOfAWindow) {
   const std::vector<Experiment> experiments = {
