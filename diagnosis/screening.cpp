@@ -5,6 +5,7 @@
 #include <cmath>
 #include <deque>
 #include <functional>
+#include <iterator>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -204,39 +205,35 @@ void erase_unknown_numbers(std::vector<CandidateEffect>& candidates, const Hypot
   });
 }
 
-// Of the differences between recordings, which are tried for every number, the best.
-void keep_best_comparisons(std::vector<FittedCandidate>& candidates, std::size_t most) {
-  std::size_t kept = 0;
-  std::erase_if(candidates, [&](const FittedCandidate& each) {
-    return each.candidate.is_comparison() && kept++ >= most;
-  });
-}
-
-// The best candidates, and those that one step cannot judge because they replace a law.
-void keep_promising(std::vector<FittedCandidate>& candidates, const FittedCandidate& base,
-                    std::size_t count) {
-  std::size_t kept = std::min(candidates.size(), count);
-  for (std::size_t i = kept; i < candidates.size(); ++i) {
-    if (replaces_law(*base.hypothesis, *candidates[i].hypothesis)) {
-      std::swap(candidates[kept++], candidates[i]);
-    }
-  }
-  candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
-}
-
 // A candidate, and the screening beside whose base it was fitted.
 struct Screened {
   FittedCandidate candidate;
   const Screening* from = nullptr;
 };
 
-const FittedCandidate& fit_of(const FittedCandidate& each) { return each; }
-const FittedCandidate& fit_of(const Screened& each) { return each.candidate; }
+// Of the differences between recordings, which are tried for every number, the best.
+void keep_best_comparisons(std::vector<Screened>& candidates, std::size_t most) {
+  std::size_t kept = 0;
+  std::erase_if(candidates, [&](const Screened& each) {
+    return each.candidate.candidate.is_comparison() && kept++ >= most;
+  });
+}
 
-template <class Candidate>
-void sort_by_cost(std::vector<Candidate>& candidates, const Criteria& criteria) {
-  const auto cost = [&](const Candidate& each) {
-    return fit_of(each).fitted.cost + complexity_of(fit_of(each), criteria);
+// The best candidates, and those that one step cannot judge because they replace a law.
+void keep_promising(std::vector<Screened>& candidates, const FittedCandidate& base,
+                    std::size_t count) {
+  std::size_t kept = std::min(candidates.size(), count);
+  for (std::size_t i = kept; i < candidates.size(); ++i) {
+    if (replaces_law(*base.hypothesis, *candidates[i].candidate.hypothesis)) {
+      std::swap(candidates[kept++], candidates[i]);
+    }
+  }
+  candidates.erase(candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end());
+}
+
+void sort_by_cost(std::vector<Screened>& candidates, const Criteria& criteria) {
+  const auto cost = [&](const Screened& each) {
+    return each.candidate.fitted.cost + complexity_of(each.candidate, criteria);
   };
   std::ranges::stable_sort(candidates, {}, cost);
 }
@@ -263,12 +260,9 @@ std::optional<FittedCandidate> at_declared_values(const SearchData& data,
   for (std::size_t u = 0; u < out.fitted.z.size(); ++u) {
     if (base.hypothesis->unknowns()[u].of_model) out.fitted.z[u] = 0.0;
   }
-  FitOptions states_only = brief_fit(6);
-  states_only.parameters_free = false;
   Task task = data.train;
   task.steps = Steps::coarse;
-  out.fitted =
-      fit(task, *out.hypothesis, out.fitted.z, initial_states(task, *out.hypothesis), states_only);
+  out.fitted = fit_states(task, *out.hypothesis, out.fitted.z, brief_fit(6));
   return out;
 }
 
@@ -296,20 +290,20 @@ std::vector<CandidateEffect> effects_beside(const SearchData& data, const Fitted
 }
 
 // The candidates that gain most in their first steps beside one base.
-std::vector<FittedCandidate> best_screened(const SearchData& data, const Screening& screening,
-                                           const std::vector<CandidateEffect>& effects,
-                                           std::size_t most) {
+std::vector<Screened> best_screened(const SearchData& data, const Screening& screening,
+                                    const std::vector<CandidateEffect>& effects, std::size_t most) {
   std::vector<std::optional<FittedCandidate>> screened(effects.size());
   parallel::for_each(effects.size(), data.threads,
                      [&](std::size_t i) { screened[i] = screening.screened(effects[i]); });
-  std::vector<FittedCandidate> out;
+  std::vector<Screened> out;
   for (auto& each : screened) {
-    if (each) out.push_back(*std::move(each));
+    if (each) out.push_back({*std::move(each), &screening});
   }
   sort_by_cost(out, data.criteria);
   const FittedCandidate& base = screening.base();
-  if (base.hypothesis->recordings() > 1)
+  if (base.hypothesis->recordings() > 1) {
     keep_best_comparisons(out, data.criteria.effort.rough_numbers);
+  }
   keep_promising(out, base, most);
   return out;
 }
@@ -355,9 +349,8 @@ std::vector<FittedCandidate> screen(
   progress("screening " + physics::counted(effects.size(), "effect"), 0.0);
   std::vector<Screened> candidates;
   for (const Screening& each : from) {
-    for (FittedCandidate& one : best_screened(data, each, effects, effort.rough_fits + numbers)) {
-      candidates.push_back({std::move(one), &each});
-    }
+    std::ranges::move(best_screened(data, each, effects, effort.rough_fits + numbers),
+                      std::back_inserter(candidates));
   }
   progress("refining the best effects", 0.5);
   parallel::for_each(candidates.size(), data.threads, [&](std::size_t i) {

@@ -72,12 +72,10 @@ ResidualFeatures Search::features_of(const FittedCandidate& each) const {
   std::sort(whole.windows.begin(), whole.windows.end(), [](const WindowRef& a, const WindowRef& b) {
     return std::pair(a.experiment, a.window) < std::pair(b.experiment, b.window);
   });
-  FitOptions states_only;
-  states_only.parameters_free = false;
-  states_only.iterations = 6;
-  states_only.multistart = false;
-  const Fit fitted = fit(whole, *each.hypothesis, each.fitted.z,
-                         initial_states(whole, *each.hypothesis), states_only);
+  FitOptions options;
+  options.iterations = 6;
+  options.multistart = false;
+  const Fit fitted = fit_states(whole, *each.hypothesis, each.fitted.z, options);
   return residual_features(whole, *each.hypothesis, fitted);
 }
 
@@ -283,14 +281,13 @@ std::vector<FittedCandidate> Search::finalists_beside(const FittedCandidate& bas
 // True if the present model fits better from the parameters of `other`. Without claims it is the
 // declared one, unless instruments are held.
 bool Search::improve_from(const FittedCandidate& other) {
-  if (!refit_from(data_, other, current_)) return false;
+  FittedCandidate better = current_;
+  if (!refit_from(data_, other, better)) return false;
+  set_current(std::move(better));
   const auto unknowns = [](const FittedCandidate& each) {
     return each.hypothesis->unknowns().size();
   };
-  const bool is_declared = claims_.empty() && unknowns(current_) == unknowns(declared_);
-  if (is_declared) declared_ = current_;
-  rests_.clear();
-  detection_.reset();
+  if (claims_.empty() && unknowns(current_) == unknowns(declared_)) declared_ = current_;
   features_ = features_of(current_);
   return true;
 }
