@@ -502,8 +502,9 @@ physics::Input input_at(const Source& source, const WideBandSignals& signals,
   return input;
 }
 
-// That of a force at knots depends on the windows. Only a declared one counts: no inertia bounds the
-// frequencies of a force, and what looks like its noise may be that of a controller, which acts.
+// That of a force at knots depends on the windows. Only a declared one counts: no inertia bounds
+// the frequencies of a force, and what looks like its noise may be that of a controller, which
+// acts.
 void set_drive_noise(Experiment& e, const Source& source, const WideBandSignals& signals) {
   switch (source.excitation()) {
     case Excitation::base:
