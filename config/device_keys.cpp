@@ -153,6 +153,15 @@ constexpr std::array register_table = {
             .need = Need::always,
             .when = "role=status|alarm",
             .only_then = true}),
+    bound<&ModbusRegister::mask>(Key{
+        .path = "mask",
+        .unit = "1",
+        .sentence = "Bits of a status or an alarm that are compared with `ok`: 6 for bits 1 and "
+                    "2, counted from 0.",
+        .without = "all bits",
+        .when = "role=status|alarm",
+        .only_then = true,
+        .low = 1}),
     bound<&ModbusRegister::set_to>(Key{.path = "set_to",
                                        .unit = "its own",
                                        .sentence = "Value written to a setting.",

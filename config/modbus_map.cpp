@@ -34,6 +34,13 @@ void check(Document& document, const std::string& at, const ModbusRegister& entr
     report("address", "is too high: a value of " + std::to_string(registers_of(entry.type)) +
                           " registers would reach beyond 65535");
   }
+  if (entry.mask) {
+    for (const std::int64_t value : entry.ok) {
+      if ((value & *entry.mask) == value) continue;
+      report("ok", std::to_string(value) + " has bits outside of mask = " +
+                       std::to_string(*entry.mask) + ": the register never equals it");
+    }
+  }
   const bool writable =
       entry.table == RegisterTable::coils || entry.table == RegisterTable::holding_registers;
   if (entry.role == RegisterRole::setting && !writable) {

@@ -90,11 +90,12 @@ struct ModbusRegister {
   ByteOrder order = ByteOrder::abcd;
   double scale = 1.0;  ///< value = raw * scale + offset
   double offset = 0.0;
-  std::string unit;              ///< of the value: "mm"
-  std::string group;             ///< registers of a group are read in one request; empty: alone
-  std::vector<std::int64_t> ok;  ///< status, alarm: good raw values
-  std::optional<double> set_to;  ///< setting: the value
-  bool write_single = false;     ///< setting: function 6 (5 for coils), else 16 (15)
+  std::string unit;                  ///< of the value: "mm"
+  std::string group;                 ///< registers of a group are read in one request; empty: alone
+  std::vector<std::int64_t> ok;      ///< status, alarm: good raw values
+  std::optional<std::int64_t> mask;  ///< status, alarm: bits compared with `ok`; none: all
+  std::optional<double> set_to;      ///< setting: the value
+  bool write_single = false;         ///< setting: function 6 (5 for coils), else 16 (15)
 };
 
 struct ModbusMap {

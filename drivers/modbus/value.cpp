@@ -163,13 +163,17 @@ std::optional<std::int64_t> raw_of(const ModbusRegister& reg,
   if (words.size() != registers_of(reg.type)) return std::nullopt;
   const ByteOrder order = reg.type == RegisterType::bit ? ByteOrder::abcd : reg.order;
   const std::uint64_t bits = bits_of(words, order);
-  if (!is_float(reg.type)) return integer_of(reg.type, bits);
+  const std::int64_t mask = reg.mask.value_or(-1);
+  if (!is_float(reg.type)) {
+    const auto number = integer_of(reg.type, bits);
+    return number ? std::optional(*number & mask) : std::nullopt;
+  }
   const double raw = float_of(reg.type, bits);
   const Range range = range_of(RegisterType::int64);
   if (!std::isfinite(raw) || raw != std::round(raw) || raw < range.low || raw > range.high) {
     return std::nullopt;
   }
-  return static_cast<std::int64_t>(raw);
+  return static_cast<std::int64_t>(raw) & mask;
 }
 
 std::optional<Words> words_for(const ModbusRegister& reg, double value) {

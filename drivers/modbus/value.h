@@ -27,8 +27,8 @@ struct Words {
 std::optional<double> value_of(const config::ModbusRegister& reg,
                                std::span<const std::uint16_t> words);
 
-/// The number before scale and offset, to be compared with `ok`. None if value_of has none, or for
-/// a float that is not an integer.
+/// The number before scale and offset, of which only the bits of `mask` if there is one, to be
+/// compared with `ok`. None if value_of has none, or for a float that is not an integer.
 std::optional<std::int64_t> raw_of(const config::ModbusRegister& reg,
                                    std::span<const std::uint16_t> words);
 

@@ -120,6 +120,7 @@ name = "state"
 role = "alarm"
 address = 7
 ok = [0, 3]
+mask = 19
 [[register]]
 name = "limit"
 role = "setting"
@@ -142,6 +143,8 @@ write_single = true
   EXPECT_EQ(current.group, "values");
   EXPECT_EQ(map.registers[1].role, RegisterRole::alarm);
   EXPECT_EQ(map.registers[1].ok, (std::vector<std::int64_t>{0, 3}));
+  EXPECT_EQ(map.registers[1].mask, 19);
+  EXPECT_FALSE(map.registers[0].mask);
   EXPECT_EQ(map.registers[2].set_to, 2.5);
   EXPECT_TRUE(map.registers[2].write_single);
 }

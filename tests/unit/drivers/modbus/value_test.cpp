@@ -98,6 +98,18 @@ TEST(ModbusValue, StatusMayBeAFloatWithAnIntegralValue) {
   EXPECT_FALSE(raw_of(plain(float64), std::vector<std::uint16_t>{0x7FE0, 0, 0, 0}));
 }
 
+TEST(ModbusValue, StatusIsComparedInTheBitsOfItsMask) {
+  ModbusRegister reg = plain(uint16);
+  reg.mask = 6;
+  EXPECT_EQ(raw_of(reg, std::vector<std::uint16_t>{0xFFF9}), 0);
+  EXPECT_EQ(raw_of(reg, std::vector<std::uint16_t>{0x001A}), 2);
+  reg.type = int16;
+  EXPECT_EQ(raw_of(reg, std::vector<std::uint16_t>{0xFFFF}), 6);
+  reg.type = float32;
+  EXPECT_EQ(raw_of(reg, std::vector<std::uint16_t>{0x40A0, 0}), 4) << "5 as a float";
+  EXPECT_EQ(value(reg, {0x40A0, 0}), 5.0) << "the value keeps all bits";
+}
+
 TEST(ModbusValue, OutOfRangeValuesAreNotWritten) {
   const struct {
     RegisterType type;
