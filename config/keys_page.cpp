@@ -41,8 +41,8 @@ restart, which it reports.
 constexpr std::string_view register_maps = R"(
 ## Register maps
 
-Named by `map` of a Modbus unit; [`config/modbus/`](../config/modbus) holds two, and
-[hardware.md](hardware.md) describes how to write another.
+Named by `map` of a Modbus unit; [`config/modbus/`](../config/modbus) holds
+[some](hardware/modbus-lvdt.md#included-maps).
 
 )";
 

@@ -231,11 +231,11 @@ TEST_P(ModbusBench, OrbitIsReadByItsFloatMirror) {
 
 TEST_P(ModbusBench, DscIsReadInPairsLowWordFirst) {
   units_.add(2, dsc_rules(),
-             {sensor(at(19, Kind::f32, "CDAB"), Channel::displacement),
-              sensor(at(21, Kind::f32, "CDAB"), Channel::velocity)});
+             {sensor(at(18, Kind::f32, "CDAB"), Channel::displacement),
+              sensor(at(20, Kind::f32, "CDAB"), Channel::velocity)});
   units_.start();
   config::ModbusUnit unit = settings(2);
-  unit.map.registers = {reg("a", 19, RegisterType::float32), reg("b", 21, RegisterType::float32)};
+  unit.map.registers = {reg("a", 18, RegisterType::float32), reg("b", 20, RegisterType::float32)};
   unit.map.registers[0].order = ByteOrder::cdab;
   unit.map.registers[1].order = ByteOrder::cdab;
   Gauge& gauge = make({unit}, {{"u2", "a"}, {"u2", "b"}});
