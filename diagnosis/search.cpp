@@ -153,10 +153,9 @@ double Search::least_gain(std::optional<std::size_t> without) const {
   return left;
 }
 
-// True if more than noise is left, and shows a listed effect beyond chance and beyond what formulas
-// may leave.
+// True if what is left shows a listed effect beyond chance and beyond what formulas may leave.
 bool Search::listed_effect_remains() {
-  if (!data_.noise_is_known || current_.held_out.chi2 < 1.0) return false;
+  if (!data_.noise_is_known) return false;
   const Detection& found = detection();
   const double least = least_gain();
   return std::any_of(found.limits.begin(), found.limits.end(), [&](const DetectionLimit& limit) {
