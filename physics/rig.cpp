@@ -61,15 +61,17 @@ double solve_bristle(double target, double a, double z0, double alpha, double r,
   return w;
 }
 
-// Share of slip in a bristle's motion at `ratio` times its break-away deflection: 0 for ratios up
-// to `elastic`, 1 for ratios from 1 (Dupont, Hayward, Armstrong and Altpeter 2002, Eq. (17)).
+// Share of slip in a bristle's motion at `ratio` times its break-away deflection, below 0 where it
+// moves back. 1 for ratios from 1; 0 for those up to 2 - 1 / elastic, with a sine between (Dupont,
+// Hayward, Armstrong and Altpeter 2002, Eq. (17)). Where that is below 0, the bristle slips from
+// the start; elastic = 0 leaves Dahl's, which always does.
 template <class T>
 T plastic_share(const T& ratio, const T& elastic) {
   using std::sin;
-  if (!(value_of(ratio) > value_of(elastic))) return T(0.0);
-  if (!(value_of(ratio) < 1.0)) return T(1.0);
-  const T middle = 0.5 * (1.0 + elastic);
-  return 0.5 + 0.5 * sin((ratio - middle) * (pi / (1.0 - elastic)));
+  const T from_middle = (elastic * (ratio - 1.5) + 0.5) / (1.0 - elastic);
+  if (!(value_of(from_middle) > -0.5)) return T(0.0);
+  if (!(value_of(from_middle) < 0.5)) return T(1.0);
+  return 0.5 + 0.5 * sin(pi * from_middle);
 }
 
 // A relaxation process over one implicit stage: theta at its end is decayed + gain g(w).
@@ -110,16 +112,15 @@ STICKSLIP_INLINE void solve_bristle_contact(const Stage<T>& stage, const Coeffic
   const T r = value_of(stage.level * stage.backbone) > 1.0e-12
                   ? c.contact_stiffness / (stage.level * stage.backbone)
                   : T(value_of(c.contact_stiffness) / slip_level);
-  // An elastic share suppresses slip while the deflection is small or decreasing; without it
-  // (Dahl's bristle) some slip always occurs.
   T along = r;
   T back = r;
   if (value_of(c.contact_elastic_share) > 0.0) {
     using std::abs;
     T elastic = c.contact_elastic_share;
     if (value_of(elastic) > 0.99) elastic = T(0.99);
-    along = r * plastic_share(abs(z0) * r, elastic);
-    back = T(0.0);
+    const T ratio = abs(z0) * r;
+    along = r * plastic_share(ratio, elastic);
+    back = r * plastic_share(T(-ratio), elastic);
   }
   // The bristle's damping acts on the change of its deflection over the stage: it adds to the
   // stiffness, with a force from the initial deflection.

@@ -27,7 +27,8 @@ constexpr std::array parameters = {
                   .estimated = true},
     ParameterCard{.name = "elastic_share",
                   .unit = "1",
-                  .meaning = "share of the break-away deflection without any slip; 0: "
+                  .meaning = "how elastic the contact is before it breaks away: slip sets in "
+                             "at 2 - 1/elastic_share of that deflection, below 1/2 at once. 0: "
                              "Dahl's bristle, near 1: Jenkins' element",
                   .low = 0.0,
                   .high = 1.0,
@@ -35,13 +36,15 @@ constexpr std::array parameters = {
                   .fixed_default = 0.0,
                   .estimated = true}};
 constexpr std::array<std::string_view, 3> rivals = {"friction_memory", "hysteresis", "stribeck"};
-constexpr std::array<std::string_view, 3> references = {
+constexpr std::array<std::string_view, 4> references = {
     "P. R. Dahl, A solid friction model, The Aerospace Corporation, 1968",
     "G. M. Jenkins, Analysis of the stress-strain relationships in reactor grade graphite, British "
     "Journal of Applied Physics, 1962",
     "C. Canudas de Wit, H. Olsson, K. J. \u00c5str\u00f6m and P. Lischinsky, A new model for "
-    "control of systems with friction, IEEE Transactions on Automatic Control, 1995"};
-constexpr std::array example = {60.0, 0.1, 0.5};
+    "control of systems with friction, IEEE Transactions on Automatic Control, 1995",
+    "P. Dupont, V. Hayward, B. Armstrong and F. Altpeter, Single state elastoplastic friction "
+    "models, IEEE Transactions on Automatic Control, 2002"};
+constexpr std::array example = {60.0, 0.1, 0.7};
 constexpr Card entry = {
     .id = "contact_compliance",
     .relation = Relation::friction_law,
@@ -73,7 +76,7 @@ class ContactCompliance final : public EffectOf<ContactCompliance> {
     };
     std::vector<std::vector<double>> starts;
     for (const double times : {5.0, 15.0, 60.0}) {
-      for (const double elastic_share : {0.0, 0.5, 0.9}) {
+      for (const double elastic_share : {0.3, 0.6, 0.9}) {
         starts.push_back({times * knee, damping(times * knee), elastic_share});
       }
     }

@@ -186,6 +186,68 @@ TEST(FrictionLaws, ATermOnTrialIsTheLawItself) {
 }
 
 // Dahl 1968, Eq. for sliding in one direction from rest: F = Fc (1 - exp(-sigma0 x / Fc)).
+// A coulomb contact with a bristle of 200 N/m that breaks away after 1 mm.
+Model bristle(double elastic_share) {
+  Model model;
+  model.oscillator.excitation = Excitation::imposed;
+  model.normal_load = NormalLoad{NormalLoadLaw::constant, {load_n}, {}};
+  model.friction.law = FrictionLaw::coulomb;
+  model.friction.mu = {0.1};
+  model.terms.push_back({"contact_compliance",
+                         {},
+                         {{"contact_stiffness_n_m", {200.0}}, {"elastic_share", {elastic_share}}}});
+  return model;
+}
+
+// Force of Dupont's bristle [N], which slips from `from` times its break-away deflection on, by the
+// midpoint rule.
+std::vector<double> published_bristle(const Motion& motion, double from, double h, int count) {
+  const auto rate = [&](double z, double v) {
+    const double ratio = (v < 0.0 ? -z : z) / 1.0e-3;
+    const double middle = (ratio - 0.5 * (1.0 + from)) / (1.0 - from);
+    const double plastic = 0.5 + 0.5 * std::sin(std::numbers::pi * std::clamp(middle, -0.5, 0.5));
+    return v * (1.0 - plastic * ratio);
+  };
+  constexpr int parts = 20;
+  std::vector<double> out;
+  double z = 0.0;
+  for (int i = 0; i < count; ++i) {
+    for (int k = 0; k < parts; ++k) {
+      const double part = h / parts;
+      const double t = h * i + part * k;
+      const double half = z + 0.5 * part * rate(z, motion.v(t));
+      z += part * rate(half, motion.v(t + 0.5 * part));
+    }
+    out.push_back(200.0 * z);
+  }
+  return out;
+}
+
+double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
+  double out = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) out = std::max(out, std::abs(a[i] - b[i]));
+  return out;
+}
+
+TEST(ContactCompliance, SlipsFromTheDeflectionOfItsElasticShare) {
+  const Motion motion = sine(0.003, 1.0);
+  for (const double from : {-2.0, 0.0, 0.5}) {
+    const double elastic_share = 1.0 / (2.0 - from);
+    EXPECT_LT(largest_difference(forces(bristle(elastic_share), motion, 1.0e-4, 15000),
+                                 published_bristle(motion, from, 1.0e-4, 15000)),
+              1.0e-3)
+        << from;
+  }
+}
+
+// A fit has to find its way from one kind of contact to another.
+TEST(ContactCompliance, ChangesGraduallyFromDahlsBristleOn) {
+  const Motion motion = sine(0.003, 1.0);
+  const std::vector<double> dahl = forces(bristle(0.0), motion, 1.0e-3, 1500);
+  EXPECT_LT(largest_difference(forces(bristle(0.01), motion, 1.0e-3, 1500), dahl), 1.0e-4);
+  EXPECT_GT(largest_difference(forces(bristle(0.3), motion, 1.0e-3, 1500), dahl), 5.0e-3);
+}
+
 TEST(FrictionLaws, DahlApproachesItsLevelExponentially) {
   const double stiffness = 1.0e4;
   const double level = 0.5 * load_n;
