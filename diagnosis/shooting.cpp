@@ -2,6 +2,7 @@
 #include "diagnosis/shooting.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <atomic>
@@ -513,13 +514,33 @@ class JointFit {
     }
     whole.diagonal() += 1.0e-12 * (1.0 + whole.diagonal().array().abs()).matrix();
     out.covariance = whole.ldlt().solve(Eigen::MatrixXd::Identity(np_, np_));
+    const Eigen::LLT<Eigen::MatrixXd> root(whole);
+    if (root.info() != Eigen::Success) return;  // rounding: the curvature is all that is known
     out.blocks = static_cast<int>(blocks.size());
     out.jackknife = out.covariance * prior.asDiagonal() * out.covariance;
     const double count = static_cast<double>(blocks.size());
     for (std::size_t g = 0; g < blocks.size(); ++g) {
-      const Eigen::VectorXd change = (whole - information[g]).ldlt().solve(gradient[g]);
+      const Eigen::VectorXd change = change_without(information[g], gradient[g], root);
       if (change.allFinite()) out.jackknife += (1.0 - 1.0 / count) * change * change.transpose();
     }
+  }
+
+  // How the parameters change where a block of windows is left out, of which `information` and
+  // `gradient` are; `root` is of the information of all. Where this block knows nearly all of
+  // a direction, the others show no scatter of it, and there is no such change.
+  static Eigen::VectorXd change_without(const Eigen::MatrixXd& information,
+                                        const Eigen::VectorXd& gradient,
+                                        const Eigen::LLT<Eigen::MatrixXd>& root) {
+    constexpr double nearly_all = 0.9;
+    const auto lower = root.matrixL();
+    const Eigen::MatrixXd half = lower.solve(information);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> share(lower.solve(half.transpose()));
+    Eigen::VectorXd along = share.eigenvectors().transpose() * lower.solve(gradient);
+    for (Eigen::Index i = 0; i < along.size(); ++i) {
+      const double known = share.eigenvalues()[i];
+      along[i] = known < nearly_all ? along[i] / (1.0 - known) : 0.0;
+    }
+    return lower.transpose().solve(share.eigenvectors() * along);
   }
 
   const Task& task_;

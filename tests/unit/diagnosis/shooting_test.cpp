@@ -14,6 +14,7 @@
 #include "diagnosis/number_scores.h"
 #include "diagnosis/score.h"
 #include "diagnosis/window_problem.h"
+#include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -105,6 +106,21 @@ TEST(Fit, IntervalsHoldTheTruthWithCorrelatedErrors) {
   const Coverage got = coverage_with(noise_m);
   EXPECT_GT(got.intervals, 52);
   EXPECT_LT(got.of_curvature, 50) << "the curvature alone does not show the correlation";
+}
+
+// A force that acts in a single block of windows: without that block nothing is known of it.
+TEST(Fit, TheIntervalOfWhatOneBlockShowsIsThatOfTheCurvature) {
+  const auto truth = with_term(driven_mass(), "force_episode",
+                               {{"force_n", {0.05}}, {"begin_s", {6.0}}, {"end_s", {7.0}}});
+  const std::vector<Experiment> experiments = {experiment_of(record(truth, 24.0), driven_mass())};
+  const Task task = fitted_windows(experiments);
+  const Hypothesis hypothesis = Hypothesis(driven_mass())
+                                    .with(*physics::find_effect("force_episode"), {},
+                                          std::vector<double>{0.05, 6.0, 7.0}, {}, Detail::all);
+  const Fit fitted = fit_from_declared(task, hypothesis);
+  const auto force = static_cast<Eigen::Index>(hypothesis.unknowns().size()) - 3;
+  const double curvature = 1.96 * std::sqrt(fitted.covariance(force, force));
+  EXPECT_LT(fitted.half_width_95(force), 2.0 * curvature);
 }
 
 // Mass, stiffness and damping 1.5 % off, all within a sixth of a standard deviation: a gain of the
