@@ -292,16 +292,18 @@ void fit_and_score(const SearchData& data, const HeldOut& current,
   }
 }
 
+bool is_near_noise(std::span<const FittedCandidate> candidates, const Criteria& criteria) {
+  return std::ranges::any_of(candidates, [&](const FittedCandidate& each) {
+    return each.held_out.chi2 < criteria.explained_chi2;
+  });
+}
+
 void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
-                  std::span<FittedCandidate> candidates) {
-  const auto is_near_noise = [&](const FittedCandidate& each) {
-    return each.held_out.chi2 < data.criteria.explained_chi2;
-  };
-  if (std::any_of(candidates.begin(), candidates.end(), is_near_noise)) return;
+                  std::span<FittedCandidate> candidates,
+                  const std::function<bool(const FittedCandidate&)>& may_restart) {
   std::vector<FittedCandidate*> best;
   for (FittedCandidate& each : candidates) {
-    // The cost of a drawn shape has no local minima of its own.
-    if (tier_of(each.candidate) != physics::Tier::free_form) best.push_back(&each);
+    if (may_restart(each)) best.push_back(&each);
   }
   std::stable_sort(best.begin(), best.end(),
                    [](const FittedCandidate* a, const FittedCandidate* b) {

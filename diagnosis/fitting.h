@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -55,12 +56,16 @@ void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidate
 void fit_and_score(const SearchData& data, const HeldOut& current,
                    std::span<FittedCandidate> candidates);
 
-/// Where no candidate comes near the noise, refits the best of them: from the declared values of
-/// the model, first guesses of the states and the fitted sizes of the effects, without refinements.
-/// Calibrated parameters and refinements that compensate each other may have led the first fit into
-/// a local minimum. `declared` is the declared model.
+/// True if any of the candidates leaves hardly more than noise.
+bool is_near_noise(std::span<const FittedCandidate> candidates, const Criteria& criteria);
+
+/// Refits the best of the candidates that `may_restart`: from the declared values of the model,
+/// first guesses of the states and the fitted sizes of the effects, without refinements. Calibrated
+/// parameters and refinements that compensate each other may have led the first fit into a local
+/// minimum. `declared` is the declared model.
 void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
-                  std::span<FittedCandidate> candidates);
+                  std::span<FittedCandidate> candidates,
+                  const std::function<bool(const FittedCandidate&)>& may_restart);
 
 /// Fits `each` again from the parameters and states of `other`, a hypothesis with one effect or
 /// free number more or less, and keeps the better fit. True if that is better by more than a nat:

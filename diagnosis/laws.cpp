@@ -144,7 +144,10 @@ class LawFits {
              0.2 + 0.4 * static_cast<double>(i) / static_cast<double>(laws_.size()));
       converge(laws_[i]);
     }
-    restart_best(data_, *none_.hypothesis, none_.held_out, laws_);
+    if (!is_near_noise(laws_, data_.criteria)) {
+      restart_best(data_, *none_.hypothesis, none_.held_out, laws_,
+                   [](const FittedCandidate&) { return true; });
+    }
   }
 
   // Laws that the recording does not determine follow those that it does; no friction at all comes

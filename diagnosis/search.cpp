@@ -186,13 +186,33 @@ void Search::add_trial(std::initializer_list<CandidateEffect> added, std::size_t
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
-  restart_best(data_, *declared_.hypothesis, current_.held_out, candidates);
+  restart(candidates);
   share_fit(candidates);
   if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
     add_trial({each.candidate}, claims_.size(), each, current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
+}
+
+// Where none comes near the noise, the best begin anew; before unlisted physics is claimed, the
+// listed effects of its relation. The cost of a drawn shape has no local minima of its own.
+void Search::restart(std::vector<FittedCandidate>& candidates) const {
+  const auto restart_those = [&](const std::function<bool(const FittedCandidate&)>& wanted) {
+    restart_best(data_, *declared_.hypothesis, current_.held_out, candidates, wanted);
+  };
+  if (!is_near_noise(candidates, data_.criteria)) {
+    restart_those(
+        [](const FittedCandidate& each) { return tier_of(each.candidate) != Tier::free_form; });
+    return;
+  }
+  const FittedCandidate& best = *std::ranges::min_element(
+      candidates, {}, [](const FittedCandidate& each) { return each.total_loss(); });
+  if (tier_of(best.candidate) == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
+  const physics::Relation relation = best.candidate.relation();
+  restart_those([relation](const FittedCandidate& each) {
+    return tier_of(each.candidate) == Tier::listed && each.candidate.relation() == relation;
+  });
 }
 
 // No candidate gains by what the present model, with its parameters and the states of its windows,

@@ -121,6 +121,7 @@ class Search {
                  const FittedCandidate& each, const HeldOut& before);
   void add_differences(std::vector<FittedCandidate>& candidates) const;
   std::vector<FittedCandidate> differing(const FittedCandidate& each) const;
+  void restart(std::vector<FittedCandidate>& candidates) const;
   void share_fit(std::vector<FittedCandidate>& candidates);
   bool improve_from(const FittedCandidate& other);
   void fit_finalists(std::vector<FittedCandidate>& candidates);

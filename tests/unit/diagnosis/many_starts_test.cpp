@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "diagnosis/fitting.h"
+#include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
 
 namespace stickslip::diagnosis {
@@ -31,31 +32,64 @@ TEST(ManyStarts, FindTheNumberOfPeriodsInAWindow) {
   }
 }
 
-// The model could have found by itself all that an effect which does nothing has led to.
-TEST(Refit, LeavesALocalMinimumThatAnotherHypothesisAvoided) {
+// A recording of a mass whose stiffness is far from the declared one.
+std::vector<Experiment> ringing_at_another_frequency() {
   physics::Model actual = ringing_mass();
   actual.oscillator.stiffness_n_m = physics::Parameter{5000.0};
   const auto recording = test::record(actual, 12.0, 1, true, test::blows_n);
-  const std::vector<Experiment> experiments{test::experiment_of(recording, ringing_mass())};
+  return {test::experiment_of(recording, ringing_mass())};
+}
+
+template <class FitOf>
+FittedCandidate fitted_candidate(const SearchData& data, const Hypothesis& hypothesis,
+                                 const FitOf& fit_of) {
+  FittedCandidate out;
+  out.candidate.effect = physics::find_effect("cubic_stiffness");
+  out.hypothesis = hypothesis;
+  const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
+  out.fitted = fit_of(data.train, hypothesis, declared, initial_states(data.train, hypothesis));
+  return out;
+}
+
+Hypothesis with_idle_effect() {
+  return Hypothesis(test::with_term(ringing_mass(), "cubic_stiffness", {{"k3_n_m3", {0.0, 1.0}}}));
+}
+
+constexpr auto from_declared = [](const auto&... of) { return fit(of..., {}); };
+constexpr auto from_many = [](const auto&... of) { return fit_from_many_starts(of..., 1, {}); };
+
+// The model could have found by itself all that an effect which does nothing has led to.
+TEST(Refit, LeavesALocalMinimumThatAnotherHypothesisAvoided) {
+  const auto experiments = ringing_at_another_frequency();
   const SearchData data = search_data(experiments, Criteria(), 1, 1);
-  const auto fitted = [&](const Hypothesis& hypothesis, auto&& fit_of) {
-    FittedCandidate out;
-    out.hypothesis = hypothesis;
-    const std::vector<double> declared(hypothesis.unknowns().size(), 0.0);
-    out.fitted = fit_of(data.train, hypothesis, declared, initial_states(data.train, hypothesis));
-    return out;
-  };
-  const Hypothesis model(ringing_mass());
-  const Hypothesis with_effect(
-      test::with_term(ringing_mass(), "cubic_stiffness", {{"k3_n_m3", {0.0, 1.0}}}));
-  FittedCandidate stuck = fitted(model, [](const auto&... of) { return fit(of..., {}); });
-  const FittedCandidate other =
-      fitted(with_effect, [](const auto&... of) { return fit_from_many_starts(of..., 1, {}); });
+  FittedCandidate stuck = fitted_candidate(data, Hypothesis(ringing_mass()), from_declared);
+  const FittedCandidate other = fitted_candidate(data, with_idle_effect(), from_many);
   ASSERT_GT(stuck.fitted.chi2_per_sample(), 2.0);
   EXPECT_TRUE(refit_from(data, other, stuck));
   EXPECT_NEAR(stuck.fitted.chi2_per_sample(), 1.0, 0.1);
   EXPECT_NEAR(stuck.held_out.chi2, 1.0, 0.3);
   EXPECT_FALSE(refit_from(data, other, stuck)) << "nothing more to be found";
+}
+
+TEST(Restart, LeavesALocalMinimumWhereItIsAllowedTo) {
+  const auto experiments = ringing_at_another_frequency();
+  const SearchData data = search_data(experiments, Criteria(), 1, 1);
+  const Hypothesis declared(ringing_mass());
+  std::vector<FittedCandidate> candidates{
+      fitted_candidate(data, with_idle_effect(), from_declared)};
+  FittedCandidate& stuck = candidates.front();
+  const auto score = [&] {
+    stuck.held_out = held_out_score(data.held_out, *stuck.hypothesis, stuck.fitted.z, true);
+    return stuck.held_out.chi2;
+  };
+  ASSERT_GT(score(), 2.0);
+  const HeldOut before = stuck.held_out;
+  restart_best(data, declared, before, candidates, [](const FittedCandidate&) { return false; });
+  EXPECT_GT(score(), 2.0);
+  EXPECT_FALSE(is_near_noise(candidates, data.criteria));
+  restart_best(data, declared, before, candidates, [](const FittedCandidate&) { return true; });
+  EXPECT_NEAR(score(), 1.0, 0.3);
+  EXPECT_TRUE(is_near_noise(candidates, data.criteria));
 }
 
 TEST(ManyStarts, AreNeededWhereTheDeclaredStiffnessHasAnotherNumber) {
