@@ -390,8 +390,70 @@ bool Search::add_effect_beside_current() {
     if (is_needless(best)) return false;
     if (!is_gain(current_.held_out, best.held_out)) return add_with_second(candidates);
   }
+  if (tier_of(best.candidate) != Tier::listed && add_listed_pair(candidates)) return true;
   const FittedCandidate winner = best;
   claim(winner, std::move(candidates));
+  return true;
+}
+
+// One candidate beside another, from what both have found by themselves.
+std::optional<FittedCandidate> Search::paired(const FittedCandidate& first,
+                                              const FittedCandidate& second) const {
+  const CandidateEffect& effect = second.candidate;
+  if (!physics::can_be_missing(*effect.effect, first.hypothesis->model(), effect.place)) {
+    return std::nullopt;
+  }
+  FittedCandidate out = second;
+  out.hypothesis = extended(*first.hypothesis, effect, own_parameters(second), {}, Detail::all);
+  out.fitted.z = carried_over(*first.hypothesis, first.fitted.z, *out.hypothesis);
+  out.fitted.state =
+      warm_start_states(first.fitted.state, data_.train, *first.hypothesis, *out.hypothesis);
+  return out;
+}
+
+// Two listed effects in place of the best candidate, which is unlisted, where they score as well:
+// dry friction and drag are one shape over the velocity.
+bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
+  std::vector<const FittedCandidate*> listed;
+  for (const FittedCandidate& each : candidates) {
+    const bool is_effect = !each.candidate.is_number();
+    if (is_effect && tier_of(each.candidate) == Tier::listed) listed.push_back(&each);
+  }
+  std::vector<FittedCandidate> pairs;  // candidates of the second effects
+  std::vector<const FittedCandidate*> first_of;
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    for (std::size_t k = i + 1; k < listed.size(); ++k) {
+      auto pair = paired(*listed[i], *listed[k]);
+      if (!pair) continue;
+      pairs.push_back(*std::move(pair));
+      first_of.push_back(listed[i]);
+    }
+  }
+  if (pairs.empty()) return false;
+  fit_and_score(data_, current_.held_out, pairs);
+  const auto score = [this](const FittedCandidate& each) {
+    return each.total_loss() + complexity_of(each, data_.criteria);
+  };
+  const auto best = std::ranges::min_element(pairs, {}, score) - pairs.begin();
+  const auto at = static_cast<std::size_t>(best);
+  if (score(pairs[at]) > score(candidates.front())) return false;
+  std::swap(pairs.front(), pairs[at]);
+  std::swap(first_of.front(), first_of[at]);
+  // Rivals of one effect are all that were tried beside the other.
+  const auto beside = [&](const CandidateEffect& kept) {
+    std::vector<FittedCandidate> out;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      const bool is_second = pairs[i].candidate == kept;
+      if (!is_second && first_of[i]->candidate != kept) continue;
+      out.push_back(pairs[i]);
+      if (is_second) out.back().candidate = first_of[i]->candidate;
+    }
+    return out;
+  };
+  const FittedCandidate first = *first_of.front();
+  const FittedCandidate both = pairs.front();
+  claim(first, beside(both.candidate));
+  claim(both, beside(first.candidate));
   return true;
 }
 

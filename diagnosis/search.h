@@ -112,6 +112,9 @@ class Search {
   bool add_contradicted_number(std::vector<FittedCandidate> candidates);
   bool is_contradicted(const FittedCandidate& each) const;
   bool add_effect_beside_current();
+  std::optional<FittedCandidate> paired(const FittedCandidate& first,
+                                        const FittedCandidate& second) const;
+  bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
   bool add_with_second(std::vector<FittedCandidate> firsts);
   std::vector<CandidateEffect> contradicted_instruments() const;
   bool add_contradicted_instrument();

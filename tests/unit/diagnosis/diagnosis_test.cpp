@@ -294,6 +294,21 @@ TEST(Diagnosis, SearchesTheCatalogueNoMoreOftenThanAllowed) {
   for (const Trial& trial : got.trials) EXPECT_EQ(trial.stage, 0) << trial.id;
 }
 
+// A drawn shape over the velocity takes both at once.
+TEST(Diagnosis, NamesTwoEffectsThatOneShapeContains) {
+  const auto truth =
+      with_term(with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.1}}}),
+                "quadratic_drag", {{"drag_n_s2_m2", {0.02}}});
+  const Diagnosis got = diagnosed(truth);
+  std::vector<std::string> ids;
+  for (const Finding& finding : got.findings) {
+    ids.emplace_back(finding.effect->card().id);
+    EXPECT_GT(finding.probability, 0.5) << report_text(got);
+  }
+  EXPECT_THAT(ids, testing::UnorderedElementsAre("dry_friction", "quadratic_drag"))
+      << report_text(got);
+}
+
 // Each of them removes a few hundredths of chi-squared per sample.
 void expect_two_weak_effects(const physics::Model& rig) {
   const auto truth = with_term(with_term(rig, "cubic_stiffness", {{"k3_n_m3", {0.5}}}),
