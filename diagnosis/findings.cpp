@@ -163,8 +163,8 @@ Finding finding_of(const Search& search, const Claim& claim, std::size_t number,
   FittedCandidate claimed = search.result();
   claimed.candidate = claim.candidate;
   Finding finding = with_parameters(claimed);
-  finding.chi2_before = claim.chi2_before;
-  finding.chi2_after = claim.chi2_after;
+  finding.chi2_before = claim.before.chi2;
+  finding.chi2_after = claim.after.chi2;
   finding.gain = claim.gain;
   const auto weight = probabilities(claim.rivals, criteria, data.seed + number);
   finding.probability = weight.front();

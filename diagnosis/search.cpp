@@ -29,6 +29,10 @@ double formula_uncertainty(const CandidateEffect& candidate) {
   return largest;
 }
 
+SearchStage stage_of(const FittedCandidate& each) {
+  return {*each.hypothesis, each.fitted.z, each.held_out.chi2};
+}
+
 }  // namespace
 
 void Search::run(const physics::Model& model) {
@@ -102,23 +106,30 @@ void Search::set_current(FittedCandidate next) {
   detection_.reset();
 }
 
+// Other noise is another unit of chi-squared: that of earlier stages is found again.
 void Search::continue_from(const FittedCandidate& next) {
+  const auto sigma = data_.held_out.sigma;
+  const auto colour = data_.held_out.colour;
   set_current(next);
   current_.hypothesis = next.hypothesis->with_uncertainties_of(declared_.hypothesis->model());
   current_.fitted.z = carried_over(*next.hypothesis, next.fitted.z, *current_.hypothesis);
   settle(data_, current_);
+  if (data_.held_out.sigma == sigma && data_.held_out.colour == colour) return;
+  const auto rescore = [this](SearchStage& each) {
+    each.chi2 = held_out_score(data_.held_out, each.hypothesis, each.z, data_.noise_is_known).chi2;
+  };
+  for (Claim& each : claims_) {
+    rescore(each.before);
+    rescore(each.after);
+  }
 }
 
 void Search::claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals) {
-  Claim claim;
-  claim.candidate = winner.candidate;
-  claim.rivals = std::move(rivals);
-  claim.chi2_before = current_.held_out.chi2;
-  claim.gain = score_gain(current_.held_out, winner.held_out);
+  claims_.push_back({winner.candidate, std::move(rivals), stage_of(current_), stage_of(winner),
+                     score_gain(current_.held_out, winner.held_out)});
   continue_from(winner);
   features_ = features_of(current_);
-  claim.chi2_after = current_.held_out.chi2;
-  claims_.push_back(std::move(claim));
+  claims_.back().after = stage_of(current_);
 }
 
 const Detection& Search::detection() {
@@ -147,7 +158,7 @@ double Search::least_gain(std::optional<std::size_t> without) const {
   double left = 0.0;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     if (i == without) continue;
-    const double taken = std::max(0.0, claims_[i].chi2_before - claims_[i].chi2_after);
+    const double taken = std::max(0.0, claims_[i].before.chi2 - claims_[i].after.chi2);
     left += taken * std::pow(formula_uncertainty(claims_[i].candidate), 2);
   }
   return left;
@@ -186,33 +197,18 @@ void Search::add_trial(std::initializer_list<CandidateEffect> added, std::size_t
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
   fit_and_score(data_, current_.held_out, candidates);
-  restart(candidates);
+  if (!is_near_noise(candidates, data_.criteria)) {
+    // The cost of a drawn shape has no local minima of its own.
+    restart_best(
+        data_, *declared_.hypothesis, current_.held_out, candidates,
+        [](const FittedCandidate& each) { return tier_of(each.candidate) != Tier::free_form; });
+  }
   share_fit(candidates);
   if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
     add_trial({each.candidate}, claims_.size(), each, current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
-}
-
-// Where none comes near the noise, the best begin anew; before unlisted physics is claimed, the
-// listed effects of its relation. The cost of a drawn shape has no local minima of its own.
-void Search::restart(std::vector<FittedCandidate>& candidates) const {
-  const auto restart_those = [&](const std::function<bool(const FittedCandidate&)>& wanted) {
-    restart_best(data_, *declared_.hypothesis, current_.held_out, candidates, wanted);
-  };
-  if (!is_near_noise(candidates, data_.criteria)) {
-    restart_those(
-        [](const FittedCandidate& each) { return tier_of(each.candidate) != Tier::free_form; });
-    return;
-  }
-  const FittedCandidate& best = *std::ranges::min_element(
-      candidates, {}, [](const FittedCandidate& each) { return each.total_loss(); });
-  if (tier_of(best.candidate) == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
-  const physics::Relation relation = best.candidate.relation();
-  restart_those([relation](const FittedCandidate& each) {
-    return tier_of(each.candidate) == Tier::listed && each.candidate.relation() == relation;
-  });
 }
 
 // No candidate gains by what the present model, with its parameters and the states of its windows,
@@ -375,6 +371,7 @@ bool Search::add_effect_beside_current() {
   std::vector<FittedCandidate> candidates = finalists_beside(current_, features_);
   if (candidates.empty()) return false;
   fit_finalists(candidates);
+  add_listed_rivals(candidates);
   if (!claims_.empty()) prefer_listed(candidates);
   const FittedCandidate& best = candidates.front();
   if (!relation_) relation_ = best.candidate.relation();
@@ -394,6 +391,31 @@ bool Search::add_effect_beside_current() {
   const FittedCandidate winner = best;
   claim(winner, std::move(candidates));
   return true;
+}
+
+// Before unlisted physics is claimed, the listed effects of its relation have a search of their
+// own, and the best of them begin anew: a shape has no local minima, and takes their place where a
+// first step in chaotic motion has led nowhere.
+void Search::add_listed_rivals(std::vector<FittedCandidate>& candidates) {
+  const FittedCandidate& best = candidates.front();
+  if (tier_of(best.candidate) == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
+  const auto is_rival = [relation = best.candidate.relation()](const CandidateEffect& each) {
+    return !each.is_number() && tier_of(each) == Tier::listed && each.relation() == relation;
+  };
+  const auto is_new_rival = [&](const CandidateEffect& each) {
+    return is_rival(each) &&
+           std::ranges::find(candidates, each, &FittedCandidate::candidate) == candidates.end();
+  };
+  std::vector<FittedCandidate> more = finalists(
+      data_, features_, current_, [](const std::string&, double) {}, is_new_rival);
+  fit_and_score(data_, current_.held_out, more);
+  for (const FittedCandidate& each : more) {
+    add_trial({each.candidate}, claims_.size(), each, current_.held_out);
+  }
+  candidates.insert(candidates.end(), more.begin(), more.end());
+  restart_best(data_, *declared_.hypothesis, current_.held_out, candidates,
+               [&](const FittedCandidate& each) { return is_rival(each.candidate); });
+  rank_determined(candidates, data_, current_.held_out, seed());
 }
 
 // One candidate beside another, from what both have found by themselves.
@@ -559,7 +581,7 @@ std::optional<FittedCandidate> Search::without(std::size_t dropped) const {
 }
 
 // The best candidate in place of a claimed effect, where it does better beside the others.
-std::optional<FittedCandidate> Search::better_in_place_of(const Rest& rest, Claim& claim) {
+std::optional<std::pair<FittedCandidate, Claim>> Search::better_in_place_of(const Rest& rest) {
   const FittedCandidate base = with_instruments_held(rest.fitted).value_or(rest.fitted);
   const CandidateEffect& replaced = claims_[rest.dropped].candidate;
   std::vector<FittedCandidate> candidates = finalists_beside(base, features_of(base));
@@ -575,9 +597,9 @@ std::optional<FittedCandidate> Search::better_in_place_of(const Rest& rest, Clai
   }
   if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
   FittedCandidate winner = best;
-  claim = {best.candidate, std::move(candidates), base.held_out.chi2, winner.held_out.chi2,
-           score_gain(base.held_out, winner.held_out)};
-  return winner;
+  Claim claim{best.candidate, std::move(candidates), stage_of(base), stage_of(winner),
+              score_gain(base.held_out, winner.held_out)};
+  return std::pair(std::move(winner), std::move(claim));
 }
 
 // Without each of the claims, that which the others need least first.
@@ -601,14 +623,13 @@ bool Search::swap_effect() {
   if (claims_.size() < 2 || !may_search()) return false;
   for (const Rest& rest : rests()) {
     if (!may_search()) return false;
-    Claim claim;
-    const std::optional<FittedCandidate> winner = better_in_place_of(rest, claim);
-    if (!winner) continue;
+    std::optional<std::pair<FittedCandidate, Claim>> better = better_in_place_of(rest);
+    if (!better) continue;
     claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(rest.dropped));
-    continue_from(*winner);
+    claims_.push_back(std::move(better->second));
+    continue_from(better->first);
     features_ = features_of(current_);
-    claim.chi2_after = current_.held_out.chi2;
-    claims_.push_back(std::move(claim));
+    claims_.back().after = stage_of(current_);
     return true;
   }
   return false;
@@ -638,8 +659,8 @@ bool Search::drop_effect(IsNeeded is_needed) {
       return true;
     }
     continue_from(rest);
-    claims_.front().chi2_before = declared_.held_out.chi2;
-    claims_.back().chi2_after = current_.held_out.chi2;
+    claims_.front().before = stage_of(declared_);
+    claims_.back().after = stage_of(current_);
     return true;
   }
   return false;

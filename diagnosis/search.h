@@ -29,12 +29,19 @@ struct Trial {
   ScoreGain gain;       ///< over the model that it was added to
 };
 
+/// A model with its parameters, and what it leaves on the windows that select.
+struct SearchStage {
+  Hypothesis hypothesis;
+  std::vector<double> z;
+  double chi2 = 0.0;  ///< per sample
+};
+
 /// An effect that was claimed, with the candidates that it was chosen from (itself first).
 struct Claim {
   CandidateEffect candidate;
   std::vector<FittedCandidate> rivals;
-  double chi2_before = 0.0;  ///< held-out, per sample
-  double chi2_after = 0.0;
+  SearchStage before;
+  SearchStage after;
   ScoreGain gain;  ///< held-out, over the model that it was added to
 };
 
@@ -112,6 +119,7 @@ class Search {
   bool add_contradicted_number(std::vector<FittedCandidate> candidates);
   bool is_contradicted(const FittedCandidate& each) const;
   bool add_effect_beside_current();
+  void add_listed_rivals(std::vector<FittedCandidate>& candidates);
   std::optional<FittedCandidate> paired(const FittedCandidate& first,
                                         const FittedCandidate& second) const;
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
@@ -124,7 +132,6 @@ class Search {
                  const FittedCandidate& each, const HeldOut& before);
   void add_differences(std::vector<FittedCandidate>& candidates) const;
   std::vector<FittedCandidate> differing(const FittedCandidate& each) const;
-  void restart(std::vector<FittedCandidate>& candidates) const;
   void share_fit(std::vector<FittedCandidate>& candidates);
   bool improve_from(const FittedCandidate& other);
   void fit_finalists(std::vector<FittedCandidate>& candidates);
@@ -137,7 +144,7 @@ class Search {
   };
   const std::vector<Rest>& rests();
   bool swap_effect();
-  std::optional<FittedCandidate> better_in_place_of(const Rest& rest, Claim& claim);
+  std::optional<std::pair<FittedCandidate, Claim>> better_in_place_of(const Rest& rest);
   bool is_contradiction(const HeldOut& without_number) const;
   // Of the loss without an effect and with it: true if more than the least gain is lost.
   using IsNeeded = bool (Search::*)(const HeldOut& without, const HeldOut& with,

@@ -265,6 +265,18 @@ TEST(Diagnosis, StatesNoiseThatIsDeclaredTooSmall) {
   EXPECT_TRUE(diagnosed(driven_mass()).noise_level.empty());
 }
 
+// Without the effect its traces count as noise: chi-squared before it is of the noise that is known
+// with it.
+TEST(Diagnosis, ChiSquaredBeforeAFindingIsOfTheNoiseAfterIt) {
+  auto truth = with_term(driven_mass(), "cubic_stiffness", {{"k3_n_m3", {400.0}}});
+  truth.sensors[index_of(Channel::displacement)].noise_std = 5.0e-5;
+  const Diagnosis got = diagnosed(truth);
+  ASSERT_EQ(got.findings.size(), 1U) << report_text(got);
+  EXPECT_EQ(got.noise_level.size(), 1U);
+  EXPECT_NEAR(got.findings[0].chi2_after, 1.0, 0.2);
+  EXPECT_GT(got.findings[0].chi2_before, 100.0);
+}
+
 // Three effects at once: each takes little of the misfit that all of them leave.
 TEST(Diagnosis, FindsThreeEffectsAtOnce) {
   auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {0.3}}});
