@@ -309,7 +309,10 @@ bool Search::improve_from(const FittedCandidate& other) {
 
 bool Search::add_effect() {
   if (!may_search()) return false;
-  if (is_complete()) return add_contradicted_instrument();
+  // An instrument that is off beside an explained recording hides weaker effects and imitates
+  // others.
+  if (!claims_.empty() && is_explained() && add_contradicted_instrument()) return true;
+  if (is_complete()) return false;
   if (add_effect_beside_current()) return true;
   std::optional<FittedCandidate> held = with_instruments_held(current_);
   if (!held) return false;
