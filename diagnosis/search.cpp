@@ -29,6 +29,19 @@ double formula_uncertainty(const CandidateEffect& candidate) {
   return largest;
 }
 
+bool is_listed_effect(const CandidateEffect& each) {
+  return !each.is_number() && tier_of(each) == Tier::listed;
+}
+
+// The hypothesis with an effect more; none where that cannot exist beside what it has.
+std::optional<Hypothesis> with_effect(const Hypothesis& base, const CandidateEffect& effect,
+                                      const std::vector<double>& parameters) {
+  if (!effect.is_number() && !physics::can_be_missing(*effect.effect, base.model(), effect.place)) {
+    return std::nullopt;
+  }
+  return extended(base, effect, parameters, {}, Detail::all);
+}
+
 SearchStage stage_of(const FittedCandidate& each) {
   return {*each.hypothesis, each.fitted.z, each.held_out.chi2};
 }
@@ -125,8 +138,14 @@ void Search::continue_from(const FittedCandidate& next) {
 }
 
 void Search::claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals) {
-  claims_.push_back({winner.candidate, std::move(rivals), stage_of(current_), stage_of(winner),
-                     score_gain(current_.held_out, winner.held_out)});
+  adopt({winner.candidate, std::move(rivals), stage_of(current_), stage_of(winner),
+         score_gain(current_.held_out, winner.held_out)},
+        winner);
+}
+
+// Goes on with the fit that a claim is made for.
+void Search::adopt(Claim claim, const FittedCandidate& winner) {
+  claims_.push_back(std::move(claim));
   continue_from(winner);
   features_ = features_of(current_);
   claims_.back().after = stage_of(current_);
@@ -309,8 +328,7 @@ bool Search::improve_from(const FittedCandidate& other) {
 
 bool Search::add_effect() {
   if (!may_search()) return false;
-  // An instrument that is off beside an explained recording hides weaker effects and imitates
-  // others.
+  // Of an explained recording an instrument that is off comes first: it hides and imitates others.
   if (!claims_.empty() && is_explained() && add_contradicted_instrument()) return true;
   if (is_complete()) return false;
   if (add_effect_beside_current()) return true;
@@ -403,7 +421,7 @@ void Search::add_listed_rivals(std::vector<FittedCandidate>& candidates) {
   const FittedCandidate& best = candidates.front();
   if (tier_of(best.candidate) == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
   const auto is_rival = [relation = best.candidate.relation()](const CandidateEffect& each) {
-    return !each.is_number() && tier_of(each) == Tier::listed && each.relation() == relation;
+    return is_listed_effect(each) && each.relation() == relation;
   };
   const auto is_new_rival = [&](const CandidateEffect& each) {
     return is_rival(each) &&
@@ -424,12 +442,9 @@ void Search::add_listed_rivals(std::vector<FittedCandidate>& candidates) {
 // One candidate beside another, from what both have found by themselves.
 std::optional<FittedCandidate> Search::paired(const FittedCandidate& first,
                                               const FittedCandidate& second) const {
-  const CandidateEffect& effect = second.candidate;
-  if (!physics::can_be_missing(*effect.effect, first.hypothesis->model(), effect.place)) {
-    return std::nullopt;
-  }
   FittedCandidate out = second;
-  out.hypothesis = extended(*first.hypothesis, effect, own_parameters(second), {}, Detail::all);
+  out.hypothesis = with_effect(*first.hypothesis, second.candidate, own_parameters(second));
+  if (!out.hypothesis) return std::nullopt;
   out.fitted.z = carried_over(*first.hypothesis, first.fitted.z, *out.hypothesis);
   out.fitted.state =
       warm_start_states(first.fitted.state, data_.train, *first.hypothesis, *out.hypothesis);
@@ -441,8 +456,7 @@ std::optional<FittedCandidate> Search::paired(const FittedCandidate& first,
 bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
   std::vector<const FittedCandidate*> listed;
   for (const FittedCandidate& each : candidates) {
-    const bool is_effect = !each.candidate.is_number();
-    if (is_effect && tier_of(each.candidate) == Tier::listed) listed.push_back(&each);
+    if (is_listed_effect(each.candidate)) listed.push_back(&each);
   }
   std::vector<FittedCandidate> pairs;  // candidates of the second effects
   std::vector<const FittedCandidate*> first_of;
@@ -566,12 +580,9 @@ std::optional<FittedCandidate> Search::without(std::size_t dropped) const {
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     if (i == dropped) continue;
     const CandidateEffect& kept = claims_[i].candidate;
-    if (!kept.is_number() &&
-        !physics::can_be_missing(*kept.effect, rest.hypothesis->model(), kept.place)) {
-      return std::nullopt;
-    }
     present.candidate = kept;
-    rest.hypothesis = extended(*rest.hypothesis, kept, own_parameters(present), {}, Detail::all);
+    rest.hypothesis = with_effect(*rest.hypothesis, kept, own_parameters(present));
+    if (!rest.hypothesis) return std::nullopt;
   }
   // Terms start at their fitted parameters; numbers of the model are carried over.
   rest.fitted.z = carried_over(*current_.hypothesis, current_.fitted.z, *rest.hypothesis);
@@ -629,10 +640,7 @@ bool Search::swap_effect() {
     std::optional<std::pair<FittedCandidate, Claim>> better = better_in_place_of(rest);
     if (!better) continue;
     claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(rest.dropped));
-    claims_.push_back(std::move(better->second));
-    continue_from(better->first);
-    features_ = features_of(current_);
-    claims_.back().after = stage_of(current_);
+    adopt(std::move(better->second), better->first);
     return true;
   }
   return false;

@@ -107,6 +107,7 @@ class Search {
   void set_current(FittedCandidate next);
   void continue_from(const FittedCandidate& next);
   void claim(const FittedCandidate& winner, std::vector<FittedCandidate> rivals);
+  void adopt(Claim claim, const FittedCandidate& winner);
 
   void extend();
   bool may_search() const { return searches_ < data_.criteria.effort.searches; }
