@@ -208,7 +208,8 @@ std::vector<Estimate> estimates_of(const FittedCandidate& each) {
     out.push_back(
         {std::string(card.name), values[own.position], low, high, deviation_of_formula(each, own),
          candidate.is_number() ? physics::unit_of(candidate.parameter, each.hypothesis->model())
-                               : physics::unit_at(card.unit, candidate.place)});
+                               : physics::unit_at(card.unit, candidate.place),
+         each.fitted.is_determined(own.unknown)});
   }
   return out;
 }

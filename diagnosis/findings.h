@@ -23,6 +23,7 @@ struct Estimate {
   /// Standard deviation by which the formula itself may be wrong; no part of the interval.
   double formula_uncertainty = 0.0;
   std::string unit = {};
+  bool determined = true;  ///< false: no reading depends on it
 };
 
 struct Alternative {

@@ -42,6 +42,8 @@ double total_cost(const std::vector<NormalBlock>& blocks) {
 }
 
 constexpr double normal_975 = 1.959964;
+// Relative; solves where nothing depends on an unknown.
+constexpr double least_information = 1.0e-12;
 
 // 97.5 % quantile of Student's t: Abramowitz and Stegun 26.7.5, exact for 1 and 2 degrees.
 double student_975(int degrees) {
@@ -392,7 +394,7 @@ class JointFit {
         out.information(i, i) += (1.0 + damping) / (sigma * sigma);
         out.gradient[i] += z_[u] / (sigma * sigma);
       }
-      out.information(i, i) += 1.0e-12 * (1.0 + std::abs(out.information(i, i)));
+      out.information(i, i) += least_information * (1.0 + std::abs(out.information(i, i)));
     }
     return out;
   }
@@ -512,7 +514,7 @@ class JointFit {
       }
       whole += information[g];
     }
-    whole.diagonal() += 1.0e-12 * (1.0 + whole.diagonal().array().abs()).matrix();
+    whole.diagonal() += least_information * (1.0 + whole.diagonal().array().abs()).matrix();
     out.covariance = whole.ldlt().solve(Eigen::MatrixXd::Identity(np_, np_));
     const Eigen::LLT<Eigen::MatrixXd> root(whole);
     if (root.info() != Eigen::Success) return;  // rounding: the curvature is all that is known
@@ -597,6 +599,11 @@ double Fit::half_width_95(std::size_t unknown) const {
   if (blocks < 2) return of_curvature;
   const double of_blocks = student_975(blocks - 1) * std::sqrt(std::max(0.0, jackknife(i, i)));
   return std::max(of_curvature, of_blocks);
+}
+
+bool Fit::is_determined(std::size_t unknown) const {
+  const auto i = static_cast<Eigen::Index>(unknown);
+  return i >= covariance.rows() || covariance(i, i) < 0.5 / least_information;
 }
 
 std::vector<WindowState> initial_states(const Task& task, const Hypothesis& hypothesis) {

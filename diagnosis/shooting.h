@@ -88,6 +88,9 @@ struct Fit {
   /// residuals and an inexact model, but not the uncertainty of what acts in one block only. 0
   /// where the fit has no covariance.
   double half_width_95(std::size_t unknown) const;
+
+  /// False where no reading and no prior depends on the unknown: its interval is without meaning.
+  bool is_determined(std::size_t unknown) const;
 };
 
 /// A hypothesis with values of its unknowns and, where needed, the states of a task's windows.

@@ -33,7 +33,7 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
     const physics::ParameterCard* card = parameter_card(finding, each);
     const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
-               text.value, text.low + " to " + text.high,
+               text.value, each.determined ? text.low + " to " + text.high : "not determined",
                "\u00b1 " + format_number(each.formula_uncertainty, 2),
                escape_html(unit.empty() ? "none" : unit)});
   }

@@ -83,7 +83,12 @@ void add_preference(std::ostringstream& text, const Finding& finding) {
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
   text << "  " << number << ". " << id_of(finding.candidate()) << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
-    text << "       " << estimate.name << " = " << number_text(estimate.value)
+    text << "       " << estimate.name << " = ";
+    if (!estimate.determined) {
+      text << "not determined by the recording\n";
+      continue;
+    }
+    text << number_text(estimate.value)
          << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
          << distinct_text(estimate.high, estimate.value) << formula_text(estimate) << ")\n";
   }

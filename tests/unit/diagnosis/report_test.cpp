@@ -213,6 +213,13 @@ TEST(ReportText, SaysWhatAFindingWasPreferredTo) {
   EXPECT_THAT(report_text(ambiguous()), HasSubstr("21; formula error 0.6, 1 SD)"));
 }
 
+TEST(ReportText, SaysWhichParameterTheRecordingDoesNotDetermine) {
+  auto diagnosis = ambiguous();
+  diagnosis.findings.front().parameters.front().determined = false;
+  EXPECT_THAT(report_text(diagnosis),
+              HasSubstr("friction_force_n = not determined by the recording\n"));
+}
+
 TEST(ReportText, BeginsWithTheVerdict) {
   EXPECT_THAT(report_text(consistent()), ::testing::StartsWith("CONSISTENT"));
   const std::string text = report_text(ambiguous());

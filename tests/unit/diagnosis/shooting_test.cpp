@@ -123,6 +123,18 @@ TEST(Fit, TheIntervalOfWhatOneBlockShowsIsThatOfTheCurvature) {
   EXPECT_LT(fitted.half_width_95(force), 2.0 * curvature);
 }
 
+TEST(Fit, DoesNotDetermineWhatActsOutsideTheRecording) {
+  const std::vector<Experiment> experiments = {
+      experiment_of(record(driven_mass(), 12.0), driven_mass())};
+  const Hypothesis hypothesis = Hypothesis(driven_mass())
+                                    .with(*physics::find_effect("force_episode"), {},
+                                          std::vector<double>{0.05, 30.0, 31.0}, {}, Detail::all);
+  const Fit fitted = fit_from_declared(fitted_windows(experiments), hypothesis);
+  const std::size_t force = hypothesis.unknowns().size() - 3;
+  EXPECT_FALSE(fitted.is_determined(force));
+  for (std::size_t u = 0; u < force; ++u) EXPECT_TRUE(fitted.is_determined(u)) << u;
+}
+
 // Mass, stiffness and damping 1.5 % off, all within a sixth of a standard deviation: a gain of the
 // drive that is 3 off explains the same, and small steps stay there.
 TEST(Fit, FollowsARidgeToItsMostProbablePoint) {
