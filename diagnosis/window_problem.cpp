@@ -42,14 +42,32 @@ int most_drive_knots(std::span<const Experiment> experiments) {
   return most;
 }
 
-// The guesses are readings: under a hypothesis whose gauge has an offset or another gain the mass
-// is elsewhere, and costs nothing there.
-void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess,
-                          const physics::ReadingLaw<double>& gauge) {
-  prior.centre[state::x] = (guess.displacement_m - gauge.offset) / gauge.gain;
-  prior.centre[state::v] = guess.velocity_m_s / gauge.gain;
-  prior.centre[state::y] = guess.load_cell_deflection_m;
-  prior.centre[state::u] = guess.load_cell_velocity_m_s;
+// The guess at the window's first sample by a channel that is late: what it reads later.
+StateGuess guess_by(const physics::ReadingLaw<double>& late, const Experiment& e,
+                    const Window& window) {
+  const auto first = static_cast<double>(window.warm);
+  const double at =
+      std::clamp(first + late.delay_s / e.period_s, 0.0, static_cast<double>(window.end - 1));
+  const auto before = static_cast<std::size_t>(at);
+  const double part = at - static_cast<double>(before);
+  const StateGuess& a = e.guess[before];
+  const StateGuess& b = e.guess[std::min(before + 1, e.guess.size() - 1)];
+  const auto between = [&](double StateGuess::*quantity) {
+    return std::lerp(a.*quantity, b.*quantity, part);
+  };
+  return {between(&StateGuess::displacement_m), between(&StateGuess::velocity_m_s),
+          between(&StateGuess::load_cell_deflection_m),
+          between(&StateGuess::load_cell_velocity_m_s), between(&StateGuess::friction_n)};
+}
+
+// The guesses are readings: under a hypothesis whose gauge has an offset, another gain or a delay
+// the mass is elsewhere, and costs nothing there.
+void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGuess& by_gauge,
+                          const StateGuess& by_cell, const physics::ReadingLaw<double>& gauge) {
+  prior.centre[state::x] = (by_gauge.displacement_m - gauge.offset) / gauge.gain;
+  prior.centre[state::v] = by_gauge.velocity_m_s / gauge.gain;
+  prior.centre[state::y] = by_cell.load_cell_deflection_m;
+  prior.centre[state::u] = by_cell.load_cell_velocity_m_s;
   const double x_scale = e.channel_std[index_of(Channel::displacement)];
   prior.sigma[state::x] = 0.05 * x_scale + 5.0 * e.noise_std[index_of(Channel::displacement)];
   prior.sigma[state::v] = 0.1 * e.largest.velocity_m_s + 1.0e-9;
@@ -57,15 +75,16 @@ void set_mechanical_prior(StatePrior& prior, const Experiment& e, const StateGue
   prior.sigma[state::u] = 0.5 * e.largest.load_cell_velocity_m_s + 1.0e-6;
 }
 
-void set_contact_prior(StatePrior& prior, const Experiment& e, const StateGuess& guess,
-                       const physics::Rig& rig, const physics::RigNumbers<double>& n) {
+void set_contact_prior(StatePrior& prior, const Experiment& e, double velocity_m_s,
+                       double friction_n, const physics::Rig& rig,
+                       const physics::RigNumbers<double>& n) {
   const double level = n.c.mu * (rig.structure().loaded ? e.mean_load_n : 1.0);
   const bool force_known = (e.compared >> index_of(Channel::friction_force)) & 1U;
-  double theta = guess.velocity_m_s > 0.0 ? 0.8 : -0.8;
-  if (force_known && level > 0.0) theta = std::clamp(guess.friction_n / level, -1.0, 1.0);
+  double theta = velocity_m_s > 0.0 ? 0.8 : -0.8;
+  if (force_known && level > 0.0) theta = std::clamp(friction_n / level, -1.0, 1.0);
   if (rig.structure().kinetics == physics::Kinetics::ageing) {
     // The logarithm of the age: that of steady sliding, or somewhat older.
-    const double speed = std::abs(guess.velocity_m_s) + 0.01 * e.largest.velocity_m_s + 1.0e-9;
+    const double speed = std::abs(velocity_m_s) + 0.01 * e.largest.velocity_m_s + 1.0e-9;
     prior.centre[state::contact] = std::log(std::max(n.c.reference_speed, 1.0e-12) / speed);
     prior.sigma[state::contact] = 2.0;
     return;
@@ -104,12 +123,16 @@ double robust_weight(double chi2, int count) {
 
 StatePrior state_prior(const Experiment& e, const Window& window, const Hypothesis& hypothesis,
                        std::span<const double> parameters) {
-  const StateGuess& guess = e.guess[window.warm];
   const auto& rig = hypothesis.rig();
   StatePrior prior;
   const auto n = rig.numbers<double>(parameters);
-  set_mechanical_prior(prior, e, guess, n.reading.of[index_of(Channel::displacement)]);
-  if (rig.has_state(state::contact)) set_contact_prior(prior, e, guess, rig, n);
+  const physics::ReadingLaw<double>& gauge = n.reading.of[index_of(Channel::displacement)];
+  const StateGuess by_gauge = guess_by(gauge, e, window);
+  const StateGuess by_cell = guess_by(n.reading.of[index_of(Channel::friction_force)], e, window);
+  set_mechanical_prior(prior, e, by_gauge, by_cell, gauge);
+  if (rig.has_state(state::contact)) {
+    set_contact_prior(prior, e, by_gauge.velocity_m_s, by_cell.friction_n, rig, n);
+  }
   physics::Scales scales;
   scales.displacement_m = e.largest.displacement_m;
   if (rig.structure().loaded) scales.mean_load_n = e.mean_load_n;

@@ -135,6 +135,25 @@ TEST(Fit, DoesNotDetermineWhatActsOutsideTheRecording) {
   for (std::size_t u = 0; u < force; ++u) EXPECT_TRUE(fitted.is_determined(u)) << u;
 }
 
+// The mass is where a late gauge will read it. Otherwise a late displacement costs a nat a window,
+// and two other channels are early instead.
+TEST(Fit, BeginsWhereALateGaugeWillReadTheMass) {
+  auto late = driven_mass();
+  late.sensors[index_of(Channel::displacement)].delay_s = physics::Parameter{0.02};
+  const std::vector<Experiment> prompt = {
+      experiment_of(record(driven_mass(), 12.0), driven_mass())};
+  const std::vector<Experiment> delayed = {experiment_of(record(late, 12.0), late)};
+  const Hypothesis hypothesis(late);
+  const std::vector<double> parameters =
+      hypothesis.parameters(std::vector<double>(hypothesis.unknowns().size(), 0.0));
+  for (const Window& window : prompt.front().windows) {
+    const StatePrior prior = state_prior(delayed.front(), window, hypothesis, parameters);
+    const StateGuess& truth = prompt.front().guess[window.warm];
+    EXPECT_NEAR(prior.centre[physics::state::x], truth.displacement_m, 0.2 * prior.sigma[0]);
+    EXPECT_NEAR(prior.centre[physics::state::v], truth.velocity_m_s, 0.2 * prior.sigma[1]);
+  }
+}
+
 // Mass, stiffness and damping 1.5 % off, all within a sixth of a standard deviation: a gain of the
 // drive that is 3 off explains the same, and small steps stay there.
 TEST(Fit, FollowsARidgeToItsMostProbablePoint) {
