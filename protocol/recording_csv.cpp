@@ -188,7 +188,8 @@ class CsvParser {
       if (cell != "time_s") {
         const auto channel = channel_named(cell);
         if (!channel || info(*channel).column != cell) {
-          refuse("unknown column \"" + shown(cell) + "\"; expected " + columns_known());
+          refuse("unknown column \"" + shown(cell) + "\"; expected " + columns_known() +
+                 "; `stickslip convert --import` reads other names and units");
         }
         column = static_cast<int>(index_of(*channel));
       }
