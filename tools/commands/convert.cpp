@@ -67,9 +67,10 @@ void add_convert(CLI::App& app, Action& action) {
       ->type_name("FILE");
   command->add_option("--format", arguments->format, "Format of OUT, regardless of its name")
       ->check(one_of({"csv", "lcm"}));
-  command->add_flag("--import", arguments->import,
-                    "IN is a CSV file of another program: separators, decimal sign, columns and "
-                    "units are guessed, and said");
+  command->add_flag(
+      "--import", arguments->import,
+      "RECORDING is a CSV file of another program: separators, decimal sign, columns and "
+      "units are guessed, and said");
   add_import_options(*command, arguments->columns);
   command->callback([&action, arguments, command] {
     action = [arguments, command] { return run(*arguments, outputs_of(*command)); };

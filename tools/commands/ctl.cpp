@@ -57,7 +57,7 @@ void print_line(const char* label, const std::string& text) {
 }
 
 std::string microseconds(const json& timing, const char* key) {
-  return physics::number_text(timing.value(key, 0.0) * 1e6, 6);
+  return physics::number_text(timing.value(key, 0.0) * 1e6, 3);
 }
 
 std::string account_text(const json& account, const char* verb) {

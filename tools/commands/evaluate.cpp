@@ -70,11 +70,12 @@ int run(const Arguments& arguments, const Outputs& outputs) {
                     physics::number_text(*result.rmse[c]).c_str(),
                     units.after_number(channel_table[c].unit).c_str(), share.c_str());
   }
-  if (arguments.free_run) {
-    for (const auto& [name, value] : json.at("free_run").at("rmse").items()) {
-      terminal::print("free run, %s: %s\n", units.column(name).c_str(),
-                      physics::number_text(value.get<double>()).c_str());
-    }
+  for (std::size_t c = 0; done.free_run && c < predicted_channels; ++c) {
+    if (!done.free_run->rmse[c]) continue;
+    terminal::print("%s: RMS error of a free run %s%s\n",
+                    std::string(channel_table[c].stem).c_str(),
+                    physics::number_text(*done.free_run->rmse[c]).c_str(),
+                    units.after_number(channel_table[c].unit).c_str());
   }
   return 0;
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -54,11 +55,11 @@ void print_summary(const reduction::Reduction& reduced, const Arguments& argumen
                   arguments.method.c_str());
   terminal::print("inertia of the load cell: up to %.1f %% of the largest friction force\n",
                   100.0 * reduced.inertia_share);
-  terminal::print("normal load: %s to %s N; N = %s N (1 %+.4g/m x) has %.1f %% of its variance\n",
+  terminal::print("normal load: %s to %s N; N = %s N (1 %c %.4g/m x) has %.1f %% of its variance\n",
                   fixed_text(reduced.normal_load_n.low, 4).c_str(),
                   fixed_text(reduced.normal_load_n.high, 4).c_str(),
-                  fixed_text(reduced.load_n, 4).c_str(), reduced.slope_per_m,
-                  100.0 * reduced.linear_share);
+                  fixed_text(reduced.load_n, 4).c_str(), reduced.slope_per_m < 0.0 ? '-' : '+',
+                  std::abs(reduced.slope_per_m), 100.0 * reduced.linear_share);
   terminal::print(
       "sliding mu: %s to %s (10 %% to 90 %% of mu sign(v) while abs(v) is above half of its "
       "largest)\n",

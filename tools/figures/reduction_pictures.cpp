@@ -183,7 +183,8 @@ Picture load_against_displacement(const reduction::Reduction& reduced, const std
       "set yrange [0:*]\n"
       "plot $samples using 1:2 with points pt 7 ps 0.25 lc rgb '#1f5a99' title 'samples', " +
       load + " + (" + slope + ") * x with lines lc rgb '#c8502a' lw 1.5 title '" + load + " N (1 " +
-      (reduced.slope_per_m < 0.0 ? "" : "+") + physics::number_text(reduced.slope_per_m) + "/m x)'";
+      (reduced.slope_per_m < 0.0 ? "- " : "+ ") +
+      physics::number_text(std::abs(reduced.slope_per_m)) + "/m x)'";
   return out;
 }
 
