@@ -70,6 +70,11 @@ Step answered(Step step, const diagnosis::Diagnosis& result) {
   for (const diagnosis::OpenHypothesis& each : result.open_hypotheses) {
     step.standing.push_back({each.id, each.name, each.statement, each.probability});
   }
+  // Alone it has the probability of its finding, not that of a set without the improbable ones.
+  if (step.standing.size() == 1) {
+    double& alone = step.standing.front().probability;
+    alone = std::min(alone, step.least_probability);
+  }
   return step;
 }
 

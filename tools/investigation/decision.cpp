@@ -24,14 +24,23 @@ Decision named(const Step& last) {
   if (last.findings.empty()) {
     return {Ending::named,
             "nothing is missing that these runs could show: it has a probability of " +
-                percent(last.standing.front().probability)};
+                probability_text(last.standing.front().probability)};
   }
-  return {Ending::named, "the missing physics is named: " + joined(last.findings) +
-                             ", each with a probability of at least " +
-                             percent(last.least_probability)};
+  return {Ending::named, "the missing physics is named: " + joined(last.findings) + ", " +
+                             (last.findings.size() > 1 ? "each " : "") + "with a probability of " +
+                             least_words(last)};
 }
 
 }  // namespace
+
+std::string probability_text(double share) {
+  return share > 0.999 ? "more than 99.9 %" : percent(share);
+}
+
+std::string least_words(const Step& last) {
+  const bool shared = last.findings.size() > 1 && last.least_probability <= 0.999;
+  return (shared ? "at least " : "") + probability_text(last.least_probability);
+}
 
 bool is_named(const Study& study, std::size_t steps) {
   const Step& last = study.steps[steps - 1];

@@ -15,6 +15,12 @@ struct Decision {
   std::string words;
 };
 
+/// "98.7 %", "more than 99.9 %".
+std::string probability_text(double share);
+
+/// That of the least certain finding: "98.7 %", "at least 98.7 %" of several.
+std::string least_words(const Step& last);
+
 /// True after a step whose diagnosis needs no further run: the findings explain the recordings and
 /// each has what counts as certain, or nothing is missing in two runs of different kinds.
 bool is_named(const Study& study, std::size_t steps);

@@ -11,6 +11,7 @@
 #include "diagnosis/report/plot_svg.h"
 #include "diagnosis/report/standalone_svg.h"
 #include "physics/number_text.h"
+#include "tools/investigation/decision.h"
 
 namespace stickslip::investigation {
 
@@ -125,7 +126,7 @@ report::Section questions_section(const Study& study) {
                              number_text(step.chi2, 3) + ", from all recordings so far.",
                          {"hypothesis", "probability", "", "in the model"});
     for (const Standing& each : step.standing) {
-      answer.row({escape_html(each.name), escape_html(percent(each.probability)),
+      answer.row({escape_html(each.name), escape_html(report::format_percent(each.probability)),
                   "<div class=\"bar\">" + report::bar(each.probability) + "</div>",
                   is_found(step, each) ? "yes" : "no"});
     }
@@ -196,7 +197,7 @@ std::string question_text(const Question& q, const RigFacts& facts) {
 std::string answer_text(const Step& step) {
   std::string out = step.name + ": " + verdict_words(step) + "\n";
   for (const Standing& each : step.standing) {
-    out += "  " + percent(each.probability) + "  " + each.name + "\n";
+    out += "  " + probability_text(each.probability) + "  " + each.name + "\n";
   }
   return out;
 }
@@ -230,7 +231,7 @@ std::string result_words(const Study& study) {
   std::string out = "Result after " + last->name + ": " + verdict_words(*last);
   if (!last->findings.empty()) {
     out += ", " + report::enumeration(last->findings) + ", with a probability of " +
-           (last->findings.size() > 1 ? "at least " : "") + percent(last->least_probability);
+           least_words(*last);
   }
   std::vector<std::string> others;
   for (const Standing& each : last->standing) {

@@ -58,7 +58,11 @@ TEST(Decision, EndsWhenEveryFindingIsCertain) {
   const Decision decision = decide_after(study_of({last}), std::nullopt);
   EXPECT_EQ(decision.ending, Ending::named);
   EXPECT_THAT(decision.words, HasSubstr("cubic_stiffness and drift of velocity"));
-  EXPECT_THAT(decision.words, HasSubstr("99 %"));
+  EXPECT_THAT(decision.words, HasSubstr("each with a probability of at least 99 %"));
+  last.findings = {"friction_memory"};
+  last.least_probability = 1.0;
+  EXPECT_THAT(decide_after(study_of({last}), std::nullopt).words,
+              HasSubstr("friction_memory, with a probability of more than 99.9 %"));
 }
 
 TEST(Decision, NothingIsMissingOnlyAfterTwoRuns) {
