@@ -35,7 +35,7 @@ std::optional<std::size_t> finding_of(const Diagnosis& d, const Comparison& comp
 // "0.4328 N (95 %: 0.4326 to 0.4331)"
 std::string estimate_words(double value, double low, double high, const std::string& unit = "") {
   const EstimateText text = format_estimate(value, low, high);
-  return text.value + unit + " (95 %: " + text.low + " to " + text.high + ")";
+  return text.value + unit + " (95 %: " + interval_text(value, low, high) + ")";
 }
 
 std::string unit_after(const Diagnosis& d, const Comparison& each) {
@@ -105,7 +105,9 @@ std::string disagreeing_words(const CampaignResult& result, const Comparison& ea
     out += (out.empty() ? "" : ", ") + result.campaign.runs[own.recording].name;
     ++count;
   }
-  if (count == each.own.size() && count > 0) return "no two parts of the recordings agree";
+  if (count == each.own.size() && count > 0) {
+    return count == 2 ? "the two disagree" : "no two parts of the recordings agree";
+  }
   return out.empty() ? out : "disagrees: " + out;
 }
 
@@ -169,13 +171,13 @@ Json comparison_json(const Diagnosis& d, const Comparison& each) {
 
 Table comparison_table(const Diagnosis& d, const Comparison& each) {
   const std::string unit = unit_after(d, each);
-  Table table(shared_words(each, unit) + "; " + test_words(each) + ".",
+  Table table(plain_text(shared_words(each, unit) + "; " + test_words(each) + "."),
               {"recording", "conditions", "value", "95 % interval", "agrees"});
   for (const OwnValue& own : each.own) {
     const physics::Run& run = d.campaign->campaign.runs[own.recording];
     const EstimateText text = format_estimate(own.value, own.low, own.high);
     table.row({escape_html(run.name), escape_html(conditions_text(run)), text.value + unit,
-               text.low + " to " + text.high, own.disagrees ? "no" : "yes"});
+               interval_text(own.value, own.low, own.high), own.disagrees ? "no" : "yes"});
   }
   return table;
 }

@@ -360,7 +360,9 @@ std::string shape_caption(const Curve& curve) {
   if (!curve.low.empty()) {
     out += " Shaded: 95\u00a0% interval; where invisible, it is narrower than the line.";
   }
-  return out + " Drawn over the range of the recording.";
+  // The curve of a law that is replaced has a range of its own.
+  return out + (curve.quantity == "friction force" ? " Drawn where the force changes its sign."
+                                                   : " Drawn over the range of the recording.");
 }
 
 }  // namespace

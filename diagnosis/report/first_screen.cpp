@@ -31,7 +31,7 @@ std::string first_parameter(const Finding& finding, const ResultUnits& units) {
   std::string out = " ";
   out += code(first.name) + " = <span class=\"number\">" + estimate.value + "</span>";
   if (!unit.empty()) out += escape_html("\u00a0" + unit);
-  return out + " (95\u00a0%: " + estimate.low + " to " + estimate.high + ").";
+  return out + " (95\u00a0%: " + interval_text(first.value, first.low, first.high) + ").";
 }
 
 std::string findings_answer(const Diagnosis& d) {
@@ -146,7 +146,9 @@ std::string prediction_error(const Diagnosis& d) {
     }
     for (const auto& [measured, noise] : d.noise_std) {
       if (measured != all_channels[c]) continue;
-      out += "; noise " + format_quantity(noise, unit, *d.baseline.rmse[c]);
+      const Noise* judged = noise_of(d, measured);
+      out += "; noise " +
+             format_quantity(judged != nullptr ? judged->std : noise, unit, *d.baseline.rmse[c]);
     }
     return out + ".";
   }

@@ -161,13 +161,38 @@ EstimateText format_estimate(double value, double low, double high) {
   if (half > 0.0 && std::isfinite(half) && value != 0.0) {
     digits = std::clamp(exponent_of(value, 3) - exponent_of(half, 2) + 2, 2, 12);
   }
-  // As many decimals as the value, whatever the decade of the end.
+  // Down to the second digit of the width, whatever the decade of the end.
   const auto end = [&](double each) {
-    if (each == 0.0 || value == 0.0) return format_number(each);
-    const int more = exponent_of(each, digits) - exponent_of(value, digits);
-    return format_number(each, std::clamp(digits + more, 1, 15));
+    if (each == 0.0 || !(half > 0.0) || !std::isfinite(half)) return format_number(each);
+    const int more = exponent_of(each, digits) - exponent_of(half, 2);
+    return format_number(each, std::clamp(2 + more, 1, 15));
   };
   return {format_number(value, digits), end(low), end(high)};
+}
+
+const diagnosis::Noise* noise_of(const diagnosis::Diagnosis& d, Channel channel) {
+  const auto found = std::find_if(d.noise.begin(), d.noise.end(),
+                                  [&](const auto& each) { return each.channel == channel; });
+  return found == d.noise.end() ? nullptr : &*found;
+}
+
+bool is_undetermined(double low, double high) {
+  constexpr double decades = 1.0e3;
+  const bool one_sign = low > 0.0 || high < 0.0;
+  const double least = std::min(std::abs(low), std::abs(high));
+  const double most = std::max(std::abs(low), std::abs(high));
+  return !std::isfinite(most) || (one_sign && most > decades * least);
+}
+
+std::string interval_text(double value, double low, double high) {
+  if (is_undetermined(low, high)) return "not determined";
+  const EstimateText text = format_estimate(value, low, high);
+  return text.low + " to " + text.high;
+}
+
+std::string shift_text(double sigmas) {
+  const std::string text = physics::fixed_text(sigmas, 1, true);
+  return text == "+0.0" ? "0.0" : text;
 }
 
 std::string distinct_text(double number, double value) {

@@ -34,6 +34,18 @@ struct EstimateText {
 };
 EstimateText format_estimate(double value, double low, double high);
 
+/// With which the residuals of a channel were judged; nullptr if not known.
+const diagnosis::Noise* noise_of(const diagnosis::Diagnosis& d, Channel channel);
+
+/// True if an interval spans decades: the recording does not determine the value.
+bool is_undetermined(double low, double high);
+
+/// "20.1 to 20.7", or "not determined".
+std::string interval_text(double value, double low, double high);
+
+/// A shift in standard deviations: "+1.2", "-0.3", "0.0".
+std::string shift_text(double sigmas);
+
 /// For a terminal: at least three significant digits, and enough to differ from `value`.
 std::string distinct_text(double number, double value);
 

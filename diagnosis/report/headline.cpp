@@ -43,7 +43,7 @@ bool has_rival(const Finding& finding) {
 namespace {
 
 const char* count_word(std::size_t count) {
-  constexpr std::array<const char*, 4> words = {"no", "one", "two", "three"};
+  constexpr std::array<const char*, 7> words = {"no", "one", "two", "three", "four", "five", "six"};
   return count < words.size() ? words[count] : "several";
 }
 
@@ -64,7 +64,11 @@ std::string findings_text(const Diagnosis& d) {
     names.push_back(has_rival(finding) ? explanations_text(finding)
                                        : effect_name(finding.candidate()));
   }
-  return enumeration(names);
+  // "and" beside "or" would leave open what belongs together.
+  if (!std::any_of(d.findings.begin(), d.findings.end(), has_rival)) return enumeration(names);
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : "; ") + name;
+  return out;
 }
 
 // A number with its unit behind a space that does not break.

@@ -33,7 +33,7 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
     const physics::ParameterCard* card = parameter_card(finding, each);
     const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
-               text.value, each.determined ? text.low + " to " + text.high : "not determined",
+               text.value, interval_text(each.value, each.low, each.high),
                "\u00b1 " + format_number(each.formula_uncertainty, 2),
                escape_html(unit.empty() ? "none" : unit)});
   }
@@ -250,22 +250,33 @@ Section calibration_section(const Diagnosis& d) {
                    ? format_number(each.declared, 4) + " \u00b1 " + format_number(each.sigma, 2)
                    : std::string(),
                text.value, known ? text.low + " to " + text.high : "not known",
-               with_minus(physics::fixed_text(each.shift_sigmas, 1, true))});
+               with_minus(shift_text(each.shift_sigmas))});
   }
   out += table.html();
   out += calibration_figure(d);
   return out;
 }
 
-const char* noise_source(const Diagnosis& d, Channel channel) {
+std::string noise_source(const Diagnosis& d, Channel channel) {
   const bool estimated = std::find(d.noise_estimated.begin(), d.noise_estimated.end(), channel) !=
                          d.noise_estimated.end();
-  if (estimated) return "estimated from the recording";
-  const bool contradicted =
-      std::any_of(d.noise.begin(), d.noise.end(), [channel](const Noise& each) {
-        return each.channel == channel && each.source == Noise::Source::contradicted;
-      });
-  return contradicted ? "found; the model declares another" : "declared by the model";
+  const Noise* noise = noise_of(d, channel);
+  const bool contradicted = noise != nullptr && noise->source == Noise::Source::contradicted;
+  std::string out = "declared by the model";
+  if (contradicted) out = "found; the model declares another";
+  if (estimated) out = "estimated from the recording";
+  if (noise == nullptr || !(noise->correlation_s > 0.0)) return out;
+  return out + "; a slow part is correlated over " +
+         format_seconds(noise->correlation_s, ResultUnits(d.model));
+}
+
+std::string noise_amount(const Diagnosis& d, Channel channel, double white) {
+  // The least that is assumed of a channel that never changes.
+  constexpr double invisible = 2.0e-15;
+  const Noise* noise = noise_of(d, channel);
+  const double value = noise != nullptr ? noise->std : white;
+  if (value < invisible) return "none visible";
+  return format_quantity(value, ResultUnits(d.model).of(info(channel).unit));
 }
 
 Section noise_section(const Diagnosis& d) {
@@ -275,10 +286,9 @@ Section noise_section(const Diagnosis& d) {
   if (!d.noise_level.empty()) headings.emplace_back("found / expected");
   Table table("Standard deviation of the measurement noise.", headings);
   for (const auto& [channel, value] : d.noise_std) {
-    std::vector<std::string> cells = {
-        escape_html(channel_name(channel)),
-        format_quantity(value, ResultUnits(d.model).of(info(channel).unit)),
-        noise_source(d, channel)};
+    std::vector<std::string> cells = {escape_html(channel_name(channel)),
+                                      noise_amount(d, channel, value),
+                                      escape_html(noise_source(d, channel))};
     for (const auto& [changed, level] : d.noise_level) {
       if (changed == channel) cells.push_back(physics::number_text(level));
     }
@@ -286,6 +296,12 @@ Section noise_section(const Diagnosis& d) {
     table.row(cells);
   }
   out += table.html();
+  if (std::any_of(d.noise.begin(), d.noise.end(),
+                  [](const Noise& each) { return each.correlation_s > 0.0; })) {
+    out += paragraph(
+        "Chi-squared allows for slow noise: a residual that changes slowly may exceed the noise "
+        "while chi-squared per sample is 1.");
+  }
   return out;
 }
 

@@ -29,18 +29,16 @@ ResultUnits units_of(const LawComparison& comparison) {
   return ResultUnits(comparison.laws.front().model);
 }
 
-// True if the interval spans decades, or the parameter's own size many times.
-bool is_undetermined(const Estimate& each) {
-  constexpr double decades = 1.0e3;
-  const bool one_sign = each.low > 0.0 || each.high < 0.0;
-  const double least = std::min(std::abs(each.low), std::abs(each.high));
-  const double most = std::max(std::abs(each.low), std::abs(each.high));
-  return !std::isfinite(most) || (one_sign && most > decades * least);
+// Without a normal load the coefficients of a law are forces.
+std::string unit_of(const Estimate& each, const FittedLaw& law, const ResultUnits& units) {
+  const bool is_force = !law.model.normal_load && (each.name == "mu" || each.name == "mu_static");
+  return std::string(units.of(is_force ? "N" : each.unit));
 }
 
 // "stiffness_n_m 61.2 (58.9 to 63.6)"
 std::string estimate_text(const Estimate& each, const ResultUnits& units) {
-  if (is_undetermined(each)) return units.column(each.name, each.unit) + " not determined";
+  if (is_undetermined(each.low, each.high))
+    return units.column(each.name, each.unit) + " not determined";
   const EstimateText text = format_estimate(each.value, each.low, each.high);
   std::string out = units.column(each.name, each.unit);
   out.append(" ").append(text.value).append(" (").append(text.low).append(" to ");
@@ -290,8 +288,8 @@ Section parameters_section(const LawComparison& comparison) {
     Table table("With 95 % intervals.", {"name", "value", "95 % interval", "unit"});
     for (const Estimate& each : law.parameters) {
       const EstimateText text = format_estimate(each.value, each.low, each.high);
-      const std::string unit(units.of(each.unit));
-      const bool undetermined = is_undetermined(each);
+      const std::string unit = unit_of(each, law, units);
+      const bool undetermined = is_undetermined(each.low, each.high);
       table.row({code(each.name), undetermined ? "not determined" : text.value,
                  undetermined ? "" : text.low + " to " + text.high,
                  escape_html(unit == "1" || unit.empty() ? "none" : unit)});

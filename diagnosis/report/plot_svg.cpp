@@ -323,7 +323,10 @@ std::string colour_scale(const MapPlot& plot, const Axis& y) {
            pixel(y.from - step * (i + 1)) + "\" width=\"12\" height=\"" + pixel(step + 0.4) +
            "\"/>\n";
   }
+  constexpr double text_height = 12.0;
   for (const int i : {0, 3, 6, 9}) {
+    const bool inner = i != 0 && i != shades;
+    if (inner && 3 * step < text_height) continue;
     const double value = plot.value_low * std::pow(plot.value_high / plot.value_low,
                                                    i / static_cast<double>(shades));
     char text[32];

@@ -67,6 +67,12 @@ void add_location(std::ostringstream& text, const Location& location) {
   for (const std::string& line : conditions_of(location)) text << "         " << line << "\n";
 }
 
+std::string range_text(const Estimate& estimate) {
+  if (is_undetermined(estimate.low, estimate.high)) return "not determined";
+  return distinct_text(estimate.low, estimate.value) + " to " +
+         distinct_text(estimate.high, estimate.value);
+}
+
 std::string formula_text(const Estimate& estimate) {
   if (!(estimate.formula_uncertainty > 0.0)) return "";
   return "; formula error " + number_text(estimate.formula_uncertainty) + ", 1 SD";
@@ -83,14 +89,8 @@ void add_preference(std::ostringstream& text, const Finding& finding) {
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
   text << "  " << number << ". " << id_of(finding.candidate()) << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
-    text << "       " << estimate.name << " = ";
-    if (!estimate.determined) {
-      text << "not determined by the recording\n";
-      continue;
-    }
-    text << number_text(estimate.value)
-         << "  (95 %: " << distinct_text(estimate.low, estimate.value) << " to "
-         << distinct_text(estimate.high, estimate.value) << formula_text(estimate) << ")\n";
+    text << "       " << estimate.name << " = " << number_text(estimate.value)
+         << "  (95 %: " << range_text(estimate) << formula_text(estimate) << ")\n";
   }
   text << "       score gain " << number_text(finding.gain.value) << " +/- "
        << number_text(finding.gain.se) << " nat, chi-squared per sample "
@@ -130,7 +130,11 @@ void add_fit(std::ostringstream& text, const Diagnosis& d) {
   if (const std::string remark = fit_remark(d); !remark.empty()) text << " " << remark << "\n";
   if (d.noise_estimated.empty()) return;
   text << "  Noise estimated from the recording, not declared:";
-  for (const Channel channel : d.noise_estimated) text << " " << info(channel).stem;
+  const char* before = " ";
+  for (const Channel channel : d.noise_estimated) {
+    text << before << info(channel).stem;
+    before = ", ";
+  }
   text << "\n";
 }
 
@@ -138,9 +142,11 @@ void add_calibration(std::ostringstream& text, const Diagnosis& d) {
   if (d.calibrated.empty()) return;
   text << "  Calibrated (shift in declared standard deviations):";
   bool far = false;
+  const char* before = " ";
   for (const Calibration& each : d.calibrated) {
-    text << " " << each.path << " = " << number_text(each.value) << " ("
-         << physics::fixed_text(each.shift_sigmas, 1, true) << ");";
+    text << before << each.path << " = " << number_text(each.value) << " ("
+         << shift_text(each.shift_sigmas) << ")";
+    before = "; ";
     far = far || std::abs(each.shift_sigmas) > 3.0;
   }
   text << "\n";
@@ -189,12 +195,14 @@ void add_detection_limits(std::ostringstream& text, const Detection& detection) 
 void add_trials(std::ostringstream& text, const Diagnosis& d) {
   text << "  Candidates fitted (chi-squared on the selection windows):";
   int stage = 0;
+  const char* before = " ";
   for (const Trial& trial : d.trials) {
     if (trial.stage != stage) {
       stage = trial.stage;
-      text << " | then";
+      before = " | then ";
     }
-    text << " " << trial.id << " (" << number_text(trial.heldout_chi2) << ")";
+    text << before << trial.id << " (" << number_text(trial.heldout_chi2) << ")";
+    before = ", ";
   }
   text << "\n";
 }

@@ -333,6 +333,18 @@ TEST(ReportHtml, TwoExplanationsAreOneSentenceWithOr) {
   EXPECT_THAT(headline_of(d), HasSubstr("(50\u00a0%) or "));
   EXPECT_THAT(headline_of(d), Not(HasSubstr("most likely")));
   EXPECT_THAT(first_screen_of(report_html(d, provenance())), Not(HasSubstr("Also possible")));
+  d.findings.push_back(d.findings.front());
+  EXPECT_THAT(headline_of(d), HasSubstr("; ")) << "an \"and\" beside the \"or\" is ambiguous";
+}
+
+TEST(ReportHtml, TheNoiseIsThatWhichResidualsAreJudgedBy) {
+  Diagnosis d = ambiguous();
+  d.noise_std = {{Channel::displacement, 1.0e-6}, {Channel::drive_force, 1.0e-15}};
+  d.noise = {{Channel::displacement, 6.0e-6, 0.1}};
+  const std::string page = report_html(d, provenance());
+  EXPECT_THAT(page, HasSubstr("6.00\u00a0\u00b5m"));
+  EXPECT_THAT(page, HasSubstr("a slow part is correlated over 0.1\u00a0s"));
+  EXPECT_THAT(page, HasSubstr("none visible"));
 }
 
 TEST(ReportHtml, AGainWithinItsStandardErrorIsNotSignificant) {
@@ -572,6 +584,20 @@ TEST(Formatting, IntervalSetsTheNumberOfDigits) {
   EXPECT_EQ(wide.value, "\u22127300");
   EXPECT_EQ(wide.high, "\u22126840");
   EXPECT_EQ(format_estimate(9.9, 9.5, 10.3).high, "10.30");
+  EXPECT_EQ(format_estimate(4.3e-6, -8.4826e-4, 8.5704e-4).low, "\u22120.00085")
+      << "a value far below the width";
+}
+
+TEST(Formatting, AnIntervalOverDecadesSaysThatTheValueIsNotDetermined) {
+  EXPECT_EQ(interval_text(0.514, 0.00106, 248.0), "not determined");
+  EXPECT_EQ(interval_text(20.4, 20.1, 20.7), "20.10 to 20.70");
+  EXPECT_EQ(interval_text(0.0, -1.0, 2.0e4), "\u22121 to 20000") << "zero lies within";
+}
+
+TEST(Formatting, AShiftOfNothingHasNoSign) {
+  EXPECT_EQ(shift_text(0.01), "0.0");
+  EXPECT_EQ(shift_text(-0.01), "0.0");
+  EXPECT_EQ(shift_text(0.6), "+0.6");
 }
 
 Diagnosis of_a_campaign() {
