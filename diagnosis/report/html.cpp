@@ -34,7 +34,9 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
     const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
                text.value, interval_text(each.value, each.low, each.high),
-               "\u00b1 " + format_number(each.formula_uncertainty, 2),
+               is_undetermined(each.low, each.high)
+                   ? std::string()
+                   : "\u00b1 " + format_number(each.formula_uncertainty, 2),
                escape_html(unit.empty() ? "none" : unit)});
   }
   return table.html();

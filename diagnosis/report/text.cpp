@@ -74,7 +74,8 @@ std::string range_text(const Estimate& estimate) {
 }
 
 std::string formula_text(const Estimate& estimate) {
-  if (!(estimate.formula_uncertainty > 0.0)) return "";
+  const bool undetermined = is_undetermined(estimate.low, estimate.high);
+  if (undetermined || !(estimate.formula_uncertainty > 0.0)) return "";
   return "; formula error " + number_text(estimate.formula_uncertainty) + ", 1 SD";
 }
 
