@@ -31,7 +31,7 @@ std::string first_parameter(const Finding& finding, const ResultUnits& units) {
   std::string out = " ";
   out += code(first.name) + " = <span class=\"number\">" + estimate.value + "</span>";
   if (!unit.empty()) out += escape_html("\u00a0" + unit);
-  return out + " (95\u00a0%: " + interval_text(first.value, first.low, first.high) + ").";
+  return out + " (95\u00a0%: " + interval_text(first) + ").";
 }
 
 std::string findings_answer(const Diagnosis& d) {

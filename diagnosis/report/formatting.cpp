@@ -176,7 +176,9 @@ const diagnosis::Noise* noise_of(const diagnosis::Diagnosis& d, Channel channel)
   return found == d.noise.end() ? nullptr : &*found;
 }
 
-bool is_undetermined(double low, double high) {
+namespace {
+
+bool spans_decades(double low, double high) {
   constexpr double decades = 1.0e3;
   const bool one_sign = low > 0.0 || high < 0.0;
   const double least = std::min(std::abs(low), std::abs(high));
@@ -184,10 +186,20 @@ bool is_undetermined(double low, double high) {
   return !std::isfinite(most) || (one_sign && most > decades * least);
 }
 
+}  // namespace
+
+bool is_undetermined(const diagnosis::Estimate& each) {
+  return !each.determined || spans_decades(each.low, each.high);
+}
+
 std::string interval_text(double value, double low, double high) {
-  if (is_undetermined(low, high)) return "not determined";
+  if (spans_decades(low, high)) return "not determined";
   const EstimateText text = format_estimate(value, low, high);
   return text.low + " to " + text.high;
+}
+
+std::string interval_text(const diagnosis::Estimate& each) {
+  return each.determined ? interval_text(each.value, each.low, each.high) : "not determined";
 }
 
 std::string shift_text(double sigmas) {

@@ -37,11 +37,12 @@ EstimateText format_estimate(double value, double low, double high);
 /// With which the residuals of a channel were judged; nullptr if not known.
 const diagnosis::Noise* noise_of(const diagnosis::Diagnosis& d, Channel channel);
 
-/// True if an interval spans decades: the recording does not determine the value.
-bool is_undetermined(double low, double high);
+/// True if no reading depends on the parameter, or its interval spans decades.
+bool is_undetermined(const diagnosis::Estimate& each);
 
-/// "20.1 to 20.7", or "not determined".
+/// "20.1 to 20.7", or "not determined" where the interval spans decades.
 std::string interval_text(double value, double low, double high);
+std::string interval_text(const diagnosis::Estimate& each);
 
 /// A shift in standard deviations: "+1.2", "-0.3", "0.0".
 std::string shift_text(double sigmas);

@@ -33,10 +33,9 @@ std::string parameter_table(const Finding& finding, const ResultUnits& units) {
     const physics::ParameterCard* card = parameter_card(finding, each);
     const std::string unit = card != nullptr ? unit_text(card->unit, finding.place, units) : "";
     table.row({card != nullptr ? escape_html(std::string(card->meaning)) : "", code(each.name),
-               text.value, interval_text(each.value, each.low, each.high),
-               is_undetermined(each.low, each.high)
-                   ? std::string()
-                   : "\u00b1 " + format_number(each.formula_uncertainty, 2),
+               text.value, interval_text(each),
+               is_undetermined(each) ? std::string()
+                                     : "\u00b1 " + format_number(each.formula_uncertainty, 2),
                escape_html(unit.empty() ? "none" : unit)});
   }
   return table.html();

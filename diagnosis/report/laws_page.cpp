@@ -37,8 +37,7 @@ std::string unit_of(const Estimate& each, const FittedLaw& law, const ResultUnit
 
 // "stiffness_n_m 61.2 (58.9 to 63.6)"
 std::string estimate_text(const Estimate& each, const ResultUnits& units) {
-  if (is_undetermined(each.low, each.high))
-    return units.column(each.name, each.unit) + " not determined";
+  if (is_undetermined(each)) return units.column(each.name, each.unit) + " not determined";
   const EstimateText text = format_estimate(each.value, each.low, each.high);
   std::string out = units.column(each.name, each.unit);
   out.append(" ").append(text.value).append(" (").append(text.low).append(" to ");
@@ -289,7 +288,7 @@ Section parameters_section(const LawComparison& comparison) {
     for (const Estimate& each : law.parameters) {
       const EstimateText text = format_estimate(each.value, each.low, each.high);
       const std::string unit = unit_of(each, law, units);
-      const bool undetermined = is_undetermined(each.low, each.high);
+      const bool undetermined = is_undetermined(each);
       table.row({code(each.name), undetermined ? "not determined" : text.value,
                  undetermined ? "" : text.low + " to " + text.high,
                  escape_html(unit == "1" || unit.empty() ? "none" : unit)});

@@ -68,13 +68,13 @@ void add_location(std::ostringstream& text, const Location& location) {
 }
 
 std::string range_text(const Estimate& estimate) {
-  if (is_undetermined(estimate.low, estimate.high)) return "not determined";
+  if (is_undetermined(estimate)) return "not determined";
   return distinct_text(estimate.low, estimate.value) + " to " +
          distinct_text(estimate.high, estimate.value);
 }
 
 std::string formula_text(const Estimate& estimate) {
-  const bool undetermined = is_undetermined(estimate.low, estimate.high);
+  const bool undetermined = is_undetermined(estimate);
   if (undetermined || !(estimate.formula_uncertainty > 0.0)) return "";
   return "; formula error " + number_text(estimate.formula_uncertainty) + ", 1 SD";
 }

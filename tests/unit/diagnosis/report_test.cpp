@@ -217,7 +217,7 @@ TEST(ReportText, SaysWhichParameterTheRecordingDoesNotDetermine) {
   auto diagnosis = ambiguous();
   diagnosis.findings.front().parameters.front().determined = false;
   EXPECT_THAT(report_text(diagnosis),
-              HasSubstr("friction_force_n = not determined by the recording\n"));
+              HasSubstr("friction_force_n = 20  (95 %: not determined)\n"));
 }
 
 TEST(ReportText, BeginsWithTheVerdict) {
