@@ -362,13 +362,14 @@ std::vector<CandidateEffect> Search::contradicted_instruments() const {
 }
 
 // Where only instruments beyond what the model allows are left, each is a finding: its own effect,
-// or a rival that it stands for, such as a constant force for a zero that is off.
+// the same of another channel, since gains and delays are relative, or a rival that it stands for,
+// such as a constant force for a zero that is off.
 bool Search::add_contradicted_instrument() {
   const std::vector<CandidateEffect> own = contradicted_instruments();
   if (own.empty()) return false;
   const CandidateFilter wanted = [&own](const CandidateEffect& each) {
     return std::any_of(own.begin(), own.end(), [&each](const CandidateEffect& one) {
-      return each == one || (each.effect != one.effect && are_rivals(each, one));
+      return each.effect == one.effect || are_rivals(each, one);
     });
   };
   const FittedCandidate before = current_;

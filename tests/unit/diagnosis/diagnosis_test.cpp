@@ -214,6 +214,25 @@ TEST(Diagnosis, NamesWhatAnInstrumentBeyondItsAllowanceStandsFor) {
   for (const Calibration& each : got.calibrated) EXPECT_LT(std::abs(each.shift_sigmas), 3.0);
 }
 
+// A gain is relative: the fit shifts that of the drive, which is less certain, where the
+// displacement's is wrong. Both are tried.
+TEST(Diagnosis, TriesAnInstrumentsErrorAtEveryChannel) {
+  auto declared = driven_mass();
+  declared.sensors[index_of(Channel::displacement)].gain = physics::Parameter{1.0, 0.002};
+  declared.sensors[index_of(Channel::drive_force)].gain = physics::Parameter{1.0, 0.005};
+  auto truth = with_term(driven_mass(), "quadratic_drag", {{"drag_n_s2_m2", {1.0}}});
+  truth.sensors[index_of(Channel::displacement)].gain = physics::Parameter{1.04};
+  Options options;
+  options.threads = 2;
+  const Diagnosis got = diagnose({record(truth, 24.0)}, declared, options);
+  std::set<std::string> tried;
+  for (const Trial& each : got.trials) {
+    if (each.stage == 1) tried.insert(each.id);
+  }
+  EXPECT_TRUE(tried.contains("gain_error of drive_force")) << report_text(got);
+  EXPECT_TRUE(tried.contains("gain_error of displacement")) << report_text(got);
+}
+
 class WrongNumber : public ::testing::TestWithParam<double> {};
 
 // By a factor, whether it is declared as exact or with far too small a standard deviation.
