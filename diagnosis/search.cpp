@@ -19,14 +19,10 @@ using physics::Tier;
 
 namespace {
 
-// Of the effect's formula, relative: that of its least certain parameter.
-double formula_uncertainty(const CandidateEffect& candidate) {
+// Share of what the effect explains that its formula may leave.
+double formula_residual(const CandidateEffect& candidate) {
   if (candidate.is_number() || tier_of(candidate) == Tier::free_form) return 0.0;
-  double largest = 0.0;
-  for (const physics::ParameterCard& each : candidate.effect->card().parameters) {
-    if (!each.fixed_default) largest = std::max(largest, each.formula_uncertainty);
-  }
-  return largest;
+  return candidate.effect->card().formula_residual;
 }
 
 bool is_listed_effect(const CandidateEffect& each) {
@@ -165,20 +161,22 @@ const Detection& Search::detection() {
   const auto scales = [&](const physics::Place& place) {
     return scales_of(data_.experiments, *current_.hypothesis, current_.fitted.z, features_, place);
   };
-  detection_ = detection_limits(subset.task, *current_.hypothesis, fitted, candidates, scales,
-                                data_.criteria);
+  // Whatever takes less than the formulas of claimed effects may leave is not claimed.
+  Criteria criteria = data_.criteria;
+  criteria.detection_chi2 = std::max(criteria.detection_chi2, least_gain());
+  detection_ =
+      detection_limits(subset.task, *current_.hypothesis, fitted, candidates, scales, criteria);
   return *detection_;
 }
 
 // Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones, of which
-// one may be left out: what the formulas of those may leave, wrong as they are by their own
-// uncertainty.
+// one may be left out: what the formulas of those may leave.
 double Search::least_gain(std::optional<std::size_t> without) const {
   double left = 0.0;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     if (i == without) continue;
     const double taken = std::max(0.0, claims_[i].before.chi2 - claims_[i].after.chi2);
-    left += taken * std::pow(formula_uncertainty(claims_[i].candidate), 2);
+    left += taken * formula_residual(claims_[i].candidate);
   }
   return left;
 }

@@ -50,6 +50,7 @@ struct ParameterCard {
   /// Value at which the effect vanishes; intervals of estimates refer to the distance from it.
   double neutral = 0.0;
   /// Modelling error of the formula: standard deviation, relative to the distance from `neutral`.
+  /// Where rigs have other forms, as tests/benchmark/formula_table measures it.
   double formula_uncertainty = 0.03;
   double start_sigma = 0.0;  ///< standard deviation of a starting value; 0: unknown
 };
@@ -67,6 +68,9 @@ struct Frequency {
   bool tone = false;  ///< forced from outside, not a resonance: its frequency may show its source
 };
 
+/// Card::formula_residual of an instrument's error and of linear laws, which have no other form.
+inline constexpr double exact_formula = 1.0e-5;
+
 /// The description of an effect, for people and for the rooms that use it.
 struct Card {
   std::string_view id;  ///< of docs/formats.md, section 6, if listed
@@ -80,6 +84,9 @@ struct Card {
   /// Column stems, of physics that the catalogue does not list, reported as `unlisted`. For a
   /// sensor effect those of the channels that it can act on.
   std::span<const std::string_view> depends_on = {};
+  /// Share of the excess chi-squared explained by the effect that its formula may leave where the
+  /// rig has another form (measured likewise).
+  double formula_residual = 1.0e-3;
   /// The parameter that measures the size of the effect: at its `neutral` there is none. Absent
   /// where no single parameter does.
   std::optional<std::size_t> strength = 0;

@@ -14,7 +14,8 @@ constexpr std::array parameters = {ParameterCard{.name = "asymmetry",
                                                  .low = -0.9,
                                                  .high = 0.9,
                                                  .positive = false,
-                                                 .fixed_default = std::nullopt}};
+                                                 .fixed_default = std::nullopt,
+                                                 .formula_uncertainty = 0.075}};
 constexpr std::array<std::string_view, 2> rivals = {"bias_force", "position_dependent_mu"};
 constexpr std::array<std::string_view, 1> references = {
     "B. Armstrong-H\u00e9louvry, Control of Machines with Friction, Kluwer, 1991"};
@@ -31,6 +32,7 @@ constexpr Card entry = {
         "does "
         "not",
     .rivals = rivals,
+    .formula_residual = 0.04,
     .references = references,
     .example = example,
 };

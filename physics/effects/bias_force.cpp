@@ -26,6 +26,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "the rig at rest without friction, mounted both ways round",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .example = example,
 };
 

@@ -26,6 +26,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a run at half the amplitude, or with the next larger range of the amplifier",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .strength = std::nullopt,  // it vanishes as the limit grows
     .example = example,
 };

@@ -26,6 +26,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "excite only the other sensor",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .example = example,
 };
 

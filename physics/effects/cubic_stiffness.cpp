@@ -30,6 +30,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "stepped amplitudes: the resonance moves with the square of the amplitude",
     .rivals = rivals,
+    .formula_residual = 0.008,
     .references = references,
     .example = example,
 };

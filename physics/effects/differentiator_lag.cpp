@@ -29,6 +29,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a chirp: velocity over displacement against frequency",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .strength = std::nullopt,  // it vanishes as the frequency grows
     .example = example,
 };

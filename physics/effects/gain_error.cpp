@@ -27,6 +27,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a calibration of this channel with a known standard",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .example = example,
 };
 

@@ -44,6 +44,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a tap on the load cell with the contact lifted",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .strength = std::nullopt,  // it replaces a law
     .frequency = Frequency{.parameter = 0},
     .references = references,

@@ -15,7 +15,8 @@ constexpr std::array parameters = {
                   .low = -1.0,
                   .high = 1.0,
                   .positive = false,
-                  .fixed_default = std::nullopt},
+                  .fixed_default = std::nullopt,
+                  .formula_uncertainty = 0.05},
     ParameterCard{.name = "reference_load_n",
                   .unit = "N",
                   .meaning = "N0, the mean load of the recording",
@@ -38,6 +39,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "the same run at two normal loads, or with a second plate angle",
     .rivals = rivals,
+    .formula_residual = 0.007,
     .references = references,
     .example = example,
 };

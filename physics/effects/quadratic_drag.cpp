@@ -14,7 +14,8 @@ constexpr std::array parameters = {ParameterCard{.name = "drag_n_s2_m2",
                                                  .low = 0.0,
                                                  .high = 1000.0,
                                                  .positive = false,
-                                                 .fixed_default = std::nullopt}};
+                                                 .fixed_default = std::nullopt,
+                                                 .formula_uncertainty = 0.05}};
 constexpr std::array<std::string_view, 2> rivals = {"dry_friction", "cubic_stiffness"};
 constexpr std::array<std::string_view, 1> references = {
     "A. H. Nayfeh and D. T. Mook, Nonlinear Oscillations, Wiley, 1979"};
@@ -28,6 +29,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a free decay from a large amplitude, or the same drive at two amplitudes",
     .rivals = rivals,
+    .formula_residual = 0.009,
     .references = references,
     .example = example,
 };

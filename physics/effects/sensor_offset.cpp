@@ -25,6 +25,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "a recording with the rig at rest and the load taken off",
     .rivals = rivals,
+    .formula_residual = exact_formula,
     .example = example,
 };
 

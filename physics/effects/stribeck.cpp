@@ -16,14 +16,16 @@ constexpr std::array parameters = {
                   .high = 3.0,
                   .positive = true,
                   .fixed_default = std::nullopt,
-                  .neutral = 1.0},
+                  .neutral = 1.0,
+                  .formula_uncertainty = 0.25},
     ParameterCard{.name = "stribeck_speed_m_s",
                   .unit = "m/s",
                   .meaning = "speed at which the excess has fallen to 1/e",
                   .low = 0.0001,
                   .high = 1.0,
                   .positive = true,
-                  .fixed_default = std::nullopt}};
+                  .fixed_default = std::nullopt,
+                  .formula_uncertainty = 0.25}};
 constexpr std::array<std::string_view, 3> rivals = {"dwell_strengthening", "contact_compliance",
                                                     "friction_memory"};
 constexpr std::array<std::string_view, 2> references = {
@@ -41,6 +43,7 @@ constexpr Card entry = {
     .parameters = parameters,
     .experiment = "slow runs: long stretches below the Stribeck speed in both directions",
     .rivals = rivals,
+    .formula_residual = 0.002,
     .references = references,
     .example = example,
 };

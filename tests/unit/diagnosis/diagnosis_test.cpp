@@ -340,6 +340,24 @@ TEST(Diagnosis, NamesTwoEffectsThatOneShapeContains) {
       << report_text(got);
 }
 
+// It takes a sixtieth of what the hysteresis took: more than that formula may leave. A constant
+// force of 5 mN would take less, and the limits say so.
+TEST(Diagnosis, FindsAWeakEffectBesideAStrongHysteresis) {
+  const auto truth = with_term(
+      with_term(driven_mass(), "hysteresis", {{"stiffness_n_m", {30.0}}, {"slip_force_n", {0.5}}}),
+      "quadratic_drag", {{"drag_n_s2_m2", {0.15}}});
+  const Diagnosis got = diagnosed(truth);
+  std::vector<std::string> ids;
+  for (const Finding& finding : got.findings) ids.emplace_back(finding.effect->card().id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAre("hysteresis", "quadratic_drag"))
+      << report_text(got);
+  for (const DetectionLimit& each : got.detection.limits) {
+    if (each.candidate.name() == "bias_force") {
+      EXPECT_GT(each.value, 0.005);
+    }
+  }
+}
+
 // Each of them removes a few hundredths of chi-squared per sample.
 void expect_two_weak_effects(const physics::Model& rig) {
   const auto truth = with_term(with_term(rig, "cubic_stiffness", {{"k3_n_m3", {0.5}}}),

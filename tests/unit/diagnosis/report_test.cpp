@@ -216,8 +216,7 @@ TEST(ReportText, SaysWhatAFindingWasPreferredTo) {
 TEST(ReportText, SaysWhichParameterTheRecordingDoesNotDetermine) {
   auto diagnosis = ambiguous();
   diagnosis.findings.front().parameters.front().determined = false;
-  EXPECT_THAT(report_text(diagnosis),
-              HasSubstr("friction_force_n = 20  (95 %: not determined)\n"));
+  EXPECT_THAT(report_text(diagnosis), HasSubstr("friction_force_n = 20  (95 %: not determined)\n"));
 }
 
 TEST(ReportText, BeginsWithTheVerdict) {
