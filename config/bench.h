@@ -38,8 +38,14 @@ struct BenchInput {
 /// By channel; empty if the bench does not measure it.
 using BenchInputs = std::array<std::optional<BenchInput>, channel_count>;
 
+/// Spare inputs of a board that read the outputs back, scanned after the channels; [readback].
+struct ReadbackInputs {
+  std::optional<BenchInput> drive_readback;
+  std::optional<BenchInput> enable_readback;
+};
+
 /// Output, digital lines and watchdog of a LabJack board.
-struct LabjackOutput {
+struct LabjackOutput : ReadbackInputs {
   int dac = 0;  ///< output to the amplifier, 0 or 1
   /// Digital lines: FIO0-7, EIO0-7, CIO0-3 are 0 to 19, MIO0-2 of the T7 20 to 22. Absent: not
   /// wired.
@@ -49,9 +55,6 @@ struct LabjackOutput {
   std::optional<int> emergency_stop_line;  ///< low: pressed, or its wire is cut
   int watchdog_s = 2;   ///< the firmware releases enable_line after this silence; 0: never
   double rest_v = 2.5;  ///< output voltage at rest; [shaker] rest_v
-  /// Scanned after the channels; [readback].
-  std::optional<BenchInput> drive_readback;
-  std::optional<BenchInput> enable_readback;
 
   /// True if the board's watchdog guards the enable line.
   bool has_watchdog() const { return watchdog_s > 0 && enable_line.has_value(); }
@@ -78,7 +81,7 @@ struct LabjackT7 : LabjackOutput {
 };
 
 /// [usb_1208fs_plus]
-struct Usb1208fsPlus {
+struct Usb1208fsPlus : ReadbackInputs {
   std::string serial;            ///< 8 characters; empty: the only one attached
   int output = 0;                ///< output to the amplifier, 0 or 1
   double output_ahead_s = 0.02;  ///< drive queued in the board: a delay, but no gaps

@@ -112,6 +112,7 @@ class Checker {
                                      board_ + "/...\"");
     }
     check_readback();
+    check_alike();
     const int spare = (bench_.readback.drive ? 1 : 0) + (bench_.readback.enable ? 1 : 0);
     check_rate(static_cast<double>(count + spare));
     check_packet(static_cast<double>(count + spare));
@@ -202,10 +203,11 @@ class Checker {
   void check_readback() {
     const auto check = [this](const std::string& table, const BenchInput& input) {
       const std::string from = input.device + "/" + input.input;
-      if (!labjack_ || input.device != board_) {
+      if (input.device != board_) {
         document_.report(table + ".from", "is \"" + from +
-                                              "\": outputs are read back by spare inputs of a "
-                                              "labjack_u6 or labjack_t7 that is the board");
+                                              "\": outputs are read back by spare inputs of the "
+                                              "board, " +
+                                              board_);
         return;
       }
       const auto [taken, first] = taken_.emplace(from, table);
@@ -221,6 +223,30 @@ class Checker {
         document_.report("readback.drive.gain", "is 0: every output would read alike");
       }
     }
+    if (bench_.readback.enable) check("readback.enable", bench_.readback.enable->input);
+  }
+
+  /// A USB-1208FS-Plus has one mode for all of its inputs.
+  void check_alike() {
+    if (labjack_) return;
+    std::string first;
+    bool differential = false;
+    const auto check = [&](const std::string& table, const BenchInput& input) {
+      if (input.device != board_) return;
+      if (first.empty()) {
+        first = table;
+        differential = input.differential;
+      } else if (input.differential != differential) {
+        document_.report(table + ".differential", "differs from that of " + first +
+                                                      ": the inputs of " + board_ +
+                                                      " are all single-ended or all differential");
+      }
+    };
+    for (const Channel channel : all_channels) {
+      const auto& input = bench_.inputs[index_of(channel)];
+      if (input) check("inputs." + std::string(info(channel).stem), *input);
+    }
+    if (bench_.readback.drive) check("readback.drive", bench_.readback.drive->input);
     if (bench_.readback.enable) check("readback.enable", bench_.readback.enable->input);
   }
 

@@ -46,7 +46,7 @@ constexpr Key readback_from(std::string_view path, std::string_view sentence) {
 constexpr Key readback_range(std::string_view path) {
   return {.path = path,
           .unit = "V",
-          .sentence = "The range of that input is +- this: 10, 1, 0.1, 0.01.",
+          .sentence = "The range of that input is +- this, one of those of inputs.CHANNEL.range_v.",
           .when = on_bench,
           .only_then = true,
           .low = 0,
@@ -492,8 +492,8 @@ constexpr std::array bench_table = {
         Type::text,
         readback_from("readback.drive.from",
                       "Spare input of the board at the output that drives the shaker, such as "
-                      "labjack_u6/AIN12: an output that does not follow its command is a fault "
-                      "(output_differs).")),
+                      "labjack_u6/AIN12 or usb_1208fs_plus/CH7: an output that does not follow its "
+                      "command is a fault (output_differs).")),
     bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
           &BenchInput::range_v>(readback_range("readback.drive.range_v")),
     bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::input,
@@ -524,8 +524,10 @@ constexpr std::array bench_table = {
             .low = 0,
             .high = 20,
             .above_low = true}),
-    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::delay_s>(readback_delay(
-        "readback.drive.delay_s", "safety.longest_overrun_s, two packets and 0.05 s")),
+    bound<&Rig::bench, &Bench::readback, &Readback::drive, &DriveReadback::delay_s>(
+        readback_delay("readback.drive.delay_s",
+                       "safety.longest_overrun_s, two packets, and 0.05 s; usb_1208fs_plus: "
+                       "instead of 0.05 s, output_ahead_s and 0.2 s")),
     read_by<Rig, read_readback<&Readback::enable>>(
         Type::text, readback_from("readback.enable.from",
                                   "Spare input of the board at the amplifier's enable contact: a "
@@ -550,8 +552,8 @@ constexpr std::array bench_table = {
             .only_then = true}),
     bound<&Rig::bench, &Bench::readback, &Readback::enable, &EnableReadback::delay_s>(
         readback_delay("readback.enable.delay_s",
-                       "as for the drive, 0.05 s for a relay, and 0.3 s for a line of a GPIO "
-                       "chip")),
+                       "safety.longest_overrun_s, two packets, 0.05 s for a relay, 0.05 s on a "
+                       "LabJack board, and 0.3 s for a line of a GPIO chip")),
 };
 
 }  // namespace

@@ -12,9 +12,10 @@ struct ReadbackLimits {
 };
 
 /// Of a bench whose [readback.drive] is present, at a rate of the loop [Hz]. Unless it declares
-/// them: the delay is the longest overrun of the loop, two packets of the board, and the time after
-/// which an unconfirmed set-point is repeated; the tolerance is 1 % of the output's range, two of
-/// its steps, and 0.1 % of the input's range.
+/// them: the delay is the longest overrun of the loop, two packets of the board, and either the
+/// time after which an unconfirmed set-point is repeated, or, of a paced output, what is queued
+/// ahead and the time until one that ran dry is noticed; the tolerance is 1 % of the output's
+/// range, two of its steps, and 0.1 % of the input's range.
 ReadbackLimits drive_readback_limits(const Bench& bench, double rate_hz);
 
 /// Likewise for [readback.enable], with the time that a contact needs: 0.05 s, and 0.3 s for the

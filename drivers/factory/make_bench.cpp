@@ -38,7 +38,8 @@ std::unique_ptr<Driver> board_of(const config::Bench& bench, double rate_hz, Hos
       return std::make_unique<LabjackT7Driver>(with_readback(bench.labjack_t7, bench.readback),
                                                inputs, rate_hz, clock);
     case config::BoardKind::usb_1208fs_plus:
-      return std::make_unique<Usb1208fsPlusDriver>(bench.usb_1208fs_plus, inputs, rate_hz, clock);
+      return std::make_unique<Usb1208fsPlusDriver>(
+          with_readback(bench.usb_1208fs_plus, bench.readback), inputs, rate_hz, clock);
   }
   throw std::logic_error("unknown kind of board");
 }

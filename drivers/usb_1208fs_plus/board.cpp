@@ -109,7 +109,7 @@ void Board::stop() {
 }
 
 /// Monotonic: the wall clock may be set meanwhile.
-bool Board::next(Frame& frame) {
+bool Board::next(Frame& frame, OutputReadings& outputs) {
   if (sem_trywait(&available_) != 0) {
     const timespec due = monotonic_in(read_timeout_ns);
     int waited = 0;
@@ -118,9 +118,10 @@ bool Board::next(Frame& frame) {
     } while (waited != 0 && errno == EINTR);
     if (waited != 0) return false;
   }
-  const Frame* oldest = frames_.peek();
+  const Received* oldest = frames_.peek();
   if (oldest == nullptr) return false;
-  frame = *oldest;
+  frame = oldest->frame;
+  outputs = oldest->outputs;
   frames_.pop();
   return true;
 }
@@ -272,28 +273,33 @@ void Board::decode(std::span<const std::uint8_t> bytes) {
   numbering_.arrived(clock_.now_ns());
 }
 
+double Board::volts_of(const ScanChannel& channel, std::uint16_t code) const {
+  const Correction correction = plan_.differential
+                                    ? calibration_.differential[channel.range_code][channel.channel]
+                                    : calibration_.single_ended[channel.channel];
+  return input_volts(code, channel.range_v, correction);
+}
+
 void Board::publish(std::span<const std::uint16_t> codes) {
   std::size_t last = 0;
   for (std::size_t i = 0; i < codes.size(); ++i) {
     if (plan_.channels[i].frame_index) last = i;
   }
-  Frame frame;
+  Received received;
+  Frame& frame = received.frame;
   frame.sequence = numbering_.take();
   frame.time_ns = to_ns(static_cast<double>(frame.sequence) * plan_.period_s +
                         static_cast<double>(last) * plan_.conversion_s());
   for (std::size_t i = 0; i < codes.size(); ++i) {
     const ScanChannel& channel = plan_.channels[i];
+    if (channel.output != nullptr) received.outputs.*channel.output = volts_of(channel, codes[i]);
     if (!channel.frame_index) continue;
-    const Correction correction =
-        plan_.differential ? calibration_.differential[channel.range_code][channel.channel]
-                           : calibration_.single_ended[channel.channel];
-    frame.set(all_channels[*channel.frame_index],
-              input_volts(codes[i], channel.range_v, correction));
+    frame.set(all_channels[*channel.frame_index], volts_of(channel, codes[i]));
     frame.age_us[*channel.frame_index] = static_cast<std::int32_t>(
         std::lround(static_cast<double>(last - i) * plan_.conversion_s() * 1e6));
   }
   // If the loop does not keep up, the gap in the sequence shows it.
-  if (frames_.try_enqueue(frame)) sem_post(&available_);
+  if (frames_.try_enqueue(received)) sem_post(&available_);
 }
 
 // Output

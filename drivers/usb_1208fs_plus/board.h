@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "drivers/clock/host_clock.h"
+#include "drivers/driver.h"
 #include "drivers/usb/usb_events.h"
 #include "drivers/usb_1208fs_plus/numbering.h"
 #include "drivers/usb_1208fs_plus/protocol.h"
@@ -53,8 +54,9 @@ class Board {
 
   // For the loop's thread.
 
-  /// The next frame; waits at most 20 ms. Neither allocates nor locks.
-  bool next(Frame& frame);
+  /// The next frame and the outputs as read back with it; waits at most 20 ms. Neither allocates
+  /// nor locks.
+  bool next(Frame& frame, OutputReadings& outputs);
   /// Queues an output value `copies` times. False: the queue is full.
   bool drive(std::uint16_t counts, std::size_t copies);
   /// Ends the output and sets the rest value.
@@ -84,6 +86,10 @@ class Board {
     bool in_flight = false;
   };
   using Transfers = std::vector<std::unique_ptr<Transfer>>;
+  struct Received {
+    Frame frame;
+    OutputReadings outputs;
+  };
 
   void add(Transfers& transfers, std::uint8_t endpoint, std::size_t bytes);
   static void LIBUSB_CALL transfer_ended(libusb_transfer* transfer);
@@ -102,6 +108,7 @@ class Board {
   void restart_input();
   void decode(std::span<const std::uint8_t> bytes);
   bool is_complete(std::size_t bytes);
+  double volts_of(const ScanChannel& channel, std::uint16_t code) const;
   void publish(std::span<const std::uint16_t> codes);
 
   void serve_output();
@@ -134,7 +141,7 @@ class Board {
   std::atomic<bool> underrun_ = false;
   std::atomic<bool> refused_ = false;
 
-  moodycamel::ReaderWriterQueue<Frame> frames_{frame_capacity};
+  moodycamel::ReaderWriterQueue<Received> frames_{frame_capacity};
   sem_t available_{};  // counts the frames
   moodycamel::ReaderWriterQueue<std::uint16_t> values_{value_capacity};
   std::atomic<std::uint16_t> rest_;

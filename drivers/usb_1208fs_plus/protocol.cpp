@@ -61,10 +61,11 @@ std::string range_error(const std::string& where, double range_v, bool different
                 "(set differential = true)");
 }
 
-std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::size_t frame_index,
+/// `use`: what the input is for, as in the configuration.
+std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::string_view use,
                                         std::string& refusal) {
-  const std::string where = "USB-1208FS-Plus: the input " + input.input + " for " +
-                            std::string(channel_table[frame_index].stem);
+  const std::string where =
+      "USB-1208FS-Plus: the input " + input.input + " for " + std::string(use);
   const auto number = channel_number(input.input);
   const int inputs = input.differential ? 4 : 8;
   if (!number || *number >= inputs) {
@@ -77,7 +78,7 @@ std::optional<ScanChannel> scan_channel(const config::BenchInput& input, std::si
     refusal = range_error(where, input.range_v, input.differential);
     return std::nullopt;
   }
-  return ScanChannel{*number, *code, input.range_v, frame_index};
+  return ScanChannel{*number, *code, input.range_v, std::nullopt};
 }
 
 void fill_packets(ScanPlan& plan, double rate_hz) {
@@ -92,6 +93,47 @@ void fill_packets(ScanPlan& plan, double rate_hz) {
     if (!taken)
       plan.channels.push_back({channel, pattern.range_code, pattern.range_v, std::nullopt});
   }
+}
+
+/// Adds an input to the plan; null: it is refused.
+ScanChannel* add_input(ScanPlan& plan, const config::BenchInput& input, std::string_view use,
+                       std::string& refusal) {
+  const auto channel = scan_channel(input, use, refusal);
+  if (!channel) return nullptr;
+  if (!plan.channels.empty() && plan.differential != input.differential) {
+    refusal =
+        "USB-1208FS-Plus: its inputs are all single-ended or all differential; "
+        "set the same differential for each of them";
+    return nullptr;
+  }
+  plan.differential = input.differential;
+  for (const ScanChannel& other : plan.channels) {
+    if (other.channel != channel->channel) continue;
+    refusal = "USB-1208FS-Plus: the input " + input.input + " is assigned twice";
+    return nullptr;
+  }
+  return &plan.channels.emplace_back(*channel);
+}
+
+bool add_channels(ScanPlan& plan, const config::BenchInputs& inputs, std::string& refusal) {
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (!inputs[i]) continue;
+    ScanChannel* added = add_input(plan, *inputs[i], channel_table[i].stem, refusal);
+    if (added == nullptr) return false;
+    added->frame_index = i;
+  }
+  if (!plan.channels.empty()) return true;
+  refusal = "USB-1208FS-Plus: no channel is assigned to its inputs; assign one in [inputs.CHANNEL]";
+  return false;
+}
+
+bool add_readback(ScanPlan& plan, const std::optional<config::BenchInput>& input,
+                  std::string_view use, std::optional<double> OutputReadings::*output,
+                  std::string& refusal) {
+  if (!input) return true;
+  ScanChannel* added = add_input(plan, *input, use, refusal);
+  if (added != nullptr) added->output = output;
+  return added != nullptr;
 }
 
 }  // namespace
@@ -130,30 +172,15 @@ std::uint16_t output_counts(double volts) {
       std::min(4095.0, std::round(std::min(volts, 5.0) * 4096.0 / 5.0)));
 }
 
-std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate_hz,
+std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs,
+                                  const config::ReadbackInputs& outputs, double rate_hz,
                                   std::string& refusal) {
   ScanPlan plan;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    if (!inputs[i]) continue;
-    const auto channel = scan_channel(*inputs[i], i, refusal);
-    if (!channel) return std::nullopt;
-    if (!plan.channels.empty() && plan.differential != inputs[i]->differential) {
-      refusal =
-          "USB-1208FS-Plus: its inputs are all single-ended or all differential; "
-          "set the same differential for each of them";
-      return std::nullopt;
-    }
-    plan.differential = inputs[i]->differential;
-    for (const ScanChannel& other : plan.channels) {
-      if (other.channel != channel->channel) continue;
-      refusal = "USB-1208FS-Plus: the input " + inputs[i]->input + " is assigned to two channels";
-      return std::nullopt;
-    }
-    plan.channels.push_back(*channel);
-  }
-  if (plan.channels.empty()) {
-    refusal =
-        "USB-1208FS-Plus: no channel is assigned to its inputs; assign one in [inputs.CHANNEL]";
+  if (!add_channels(plan, inputs, refusal) ||
+      !add_readback(plan, outputs.drive_readback, "readback.drive", &OutputReadings::drive_v,
+                    refusal) ||
+      !add_readback(plan, outputs.enable_readback, "readback.enable", &OutputReadings::enable_v,
+                    refusal)) {
     return std::nullopt;
   }
   const double samples_hz = rate_hz * static_cast<double>(plan.channels.size());

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "config/bench.h"
+#include "drivers/driver.h"
 
 namespace stickslip::drivers::usb_1208fs_plus {
 
@@ -77,8 +78,9 @@ struct ScanChannel {
   std::uint8_t channel = 0;
   std::uint8_t range_code = 0;
   double range_v = 10.0;
-  /// Index of the channel in the frame; none: the input only fills packets.
+  /// Index of the channel in the frame; none: the input reads an output back, or fills packets.
   std::optional<std::size_t> frame_index;
+  std::optional<double> OutputReadings::*output = nullptr;  ///< the output that it reads back
 };
 
 /// Scan settings for a configuration.
@@ -93,10 +95,12 @@ struct ScanPlan {
   double conversion_s() const { return static_cast<double>(input_pacer + 1) / clock_hz; }
 };
 
-/// None if the configuration is invalid; `refusal` then holds the message. Packets hold 32 samples:
+/// Of the inputs of the channels and those that read the outputs back. None if the configuration is
+/// invalid; `refusal` then holds the message. Packets hold 32 samples:
 /// if the configured inputs take more than 10 ms to fill one, further inputs are scanned and their
 /// samples discarded. Up to 100 scans per second, each scan has a separate packet.
-std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs, double rate_hz,
+std::optional<ScanPlan> plan_scan(const config::BenchInputs& inputs,
+                                  const config::ReadbackInputs& outputs, double rate_hz,
                                   std::string& refusal);
 
 /// The 14 bytes of Request::input_scan_start: continuous, stalling on overrun.

@@ -48,7 +48,7 @@ Result Usb1208fsPlusDriver::open() {
                                                 std::to_string(settings_.output) +
                                                 "; the board has outputs 0 and 1");
   }
-  const auto plan = plan_scan(inputs_, rate_hz_, refusal_);
+  const auto plan = plan_scan(inputs_, settings_, rate_hz_, refusal_);
   if (!plan) return {Outcome::needs_attention, refusal_.c_str()};
   Session session;
   const WantedUsbBoard wanted = wanted_usb_board(settings_.serial, serial_at_start_);
@@ -94,6 +94,7 @@ Result Usb1208fsPlusDriver::read_calibration(const Session& session, Calibration
 Result Usb1208fsPlusDriver::start() {
   if (!board_) return {Outcome::fatal, "start of a USB-1208FS-Plus that is not open"};
   if (board_->running()) return {};
+  outputs_ = {};
   if (board_->lost()) return {Outcome::lost, lost_message};
   const int started = board_->start();
   if (started >= 0) return {};
@@ -111,7 +112,7 @@ Result Usb1208fsPlusDriver::read(Frame& frame) {
             "estimated from the host's clock"};
   }
   Frame next;
-  if (board_->next(next)) {
+  if (board_->next(next, outputs_)) {
     read_sequence_ = next.sequence;
     frame = next;
     return {};

@@ -56,6 +56,7 @@ class Usb1208fsPlusDriver final : public Driver {
   void stop() noexcept override;
   void close() noexcept override;
   const Description& description() const override { return description_; }
+  OutputReadings output_readings() const noexcept override { return outputs_; }
 
   const char* left_on() const noexcept override {
     return left_on_.empty() ? nullptr : left_on_.c_str();
@@ -86,6 +87,7 @@ class Usb1208fsPlusDriver final : public Driver {
   std::unique_ptr<usb_1208fs_plus::Board> board_;  // null: not open
 
   // Of the loop's thread, since the board was opened.
+  OutputReadings outputs_;  // of the latest frame
   std::uint64_t written_sequence_ = 0;
   std::uint64_t read_sequence_ = 0;
   bool was_driving_ = false;

@@ -5,19 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <chrono>
-#include <functional>
 #include <memory>
-#include <string>
-#include <thread>
+#include <optional>
 
-#include "daemon/excitation.h"
-#include "daemon/ledger.h"
-#include "daemon/loop.h"
 #include "drivers/factory/make_bench.h"
-#include "tests/emulated/attach/emulated_bus.h"
 #include "tests/emulated/attach/emulated_libusb.h"
-#include "tests/emulated/attach/host_watch.h"
+#include "tests/emulated/bench/loop_on_a_bench.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
 
 namespace stickslip::emulated {
@@ -26,8 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 using daemon::Command;
 using daemon::Interlock;
-using daemon::RigState;
-using std::chrono::steady_clock;
 using testing::HasSubstr;
 
 /// Nothing moves.
@@ -55,19 +46,11 @@ config::Bench settings() {
   return out;
 }
 
-config::Excitation shaking() {
-  config::Excitation out;
-  out.enabled = true;
-  out.carrier_hz = 3.2;
-  out.amplitude = 0.009;
-  out.ramp_s = 0.2;
-  return out;
-}
-
-daemon::LoopSettings patient() {
-  daemon::LoopSettings out;
-  out.start_at_once = true;
-  out.live.interlocks.longest_silence_ns = 10'000'000'000;
+LabjackU6Options board_options() {
+  LabjackU6Options out;
+  out.enable_line = 0;
+  out.drive_input = 12;
+  out.enable_input = 13;
   return out;
 }
 
@@ -75,38 +58,13 @@ struct ReadBack : testing::Test {
   ReadBack() {
     board.wire(0, {Channel::displacement, 500.0, 0.0});
     bus.plug(board, 1);
-    const drivers::Result opened = bench->open();
-    EXPECT_TRUE(opened) << opened.message;
-    loop = std::make_unique<daemon::Loop>(*bench, clock, patient(), daemon::Excitation(shaking()),
-                                          nullptr, ledger, std::vector<daemon::Stream*>{});
-    thread = std::jthread([this] { loop->run(); });
+    loop.emplace(*bench);
   }
-  ~ReadBack() override {
-    loop->request_stop();
-    loop->request_stop();
-    thread.join();
-    bench->close();
-  }
-  static LabjackU6Options board_options() {
-    LabjackU6Options out;
-    out.enable_line = 0;
-    out.drive_input = 12;
-    out.enable_input = 13;
-    return out;
-  }
-  /// False after half a minute.
-  static bool eventually(const std::function<bool()>& holds) {
-    const auto until = steady_clock::now() + 30s;
-    while (!holds()) {
-      if (steady_clock::now() > until) return false;
-      std::this_thread::sleep_for(5ms);
-    }
-    return true;
-  }
-  bool faulted() const { return loop->snapshot().state == RigState::faulted; }
-  std::string cause() const { return loop->snapshot().cause.c_str(); }
   bool runs() {
-    return eventually([this] { return wires.is_on() && loop->snapshot().drive.value != 0.0; });
+    return eventually([this] { return wires.is_on() && loop->moves(); });
+  }
+  bool faults() {
+    return eventually([this] { return loop->faulted(); });
   }
 
   HostWatch host;
@@ -115,46 +73,43 @@ struct ReadBack : testing::Test {
   Still wires;
   EmulatedLabjackU6 board{wires, [this] { return clock.now_ns(); }, board_options()};
   std::unique_ptr<drivers::Driver> bench = drivers::make_bench(settings(), 1000.0);
-  daemon::Ledger ledger;
-  std::unique_ptr<daemon::Loop> loop;
-  std::jthread thread;
+  std::optional<LoopOnABench> loop;
 };
 
 TEST_F(ReadBack, OutputsThatFollowAreNoFault) {
-  ASSERT_TRUE(runs()) << cause();
+  ASSERT_TRUE(runs()) << loop->cause();
   const Interval interval(host, 2s);
   while (!interval.over()) std::this_thread::sleep_for(10ms);
-  EXPECT_FALSE(faulted()) << cause();
+  EXPECT_FALSE(loop->faulted()) << loop->cause();
   EXPECT_TRUE(wires.is_on());
 }
 
 TEST_F(ReadBack, StuckOutputSwitchesTheAmplifierOffAndIsNamed) {
-  ASSERT_TRUE(runs()) << cause();
+  ASSERT_TRUE(runs()) << loop->cause();
   board.set_dac_stuck(true);
-  ASSERT_TRUE(eventually([this] { return faulted(); }));
-  EXPECT_EQ(loop->snapshot().interlock, Interlock::output_differs);
-  EXPECT_THAT(cause(), HasSubstr("the drive reads back as"));
+  ASSERT_TRUE(faults());
+  EXPECT_EQ(loop->now().interlock, Interlock::output_differs);
+  EXPECT_THAT(loop->cause(), HasSubstr("the drive reads back as"));
   EXPECT_TRUE(eventually([this] { return !wires.is_on(); }));
 }
 
 TEST_F(ReadBack, ContactThatOpensByItselfIsNamed) {
-  ASSERT_TRUE(runs()) << cause();
+  ASSERT_TRUE(runs()) << loop->cause();
   board.open_contact();
-  ASSERT_TRUE(eventually([this] { return faulted(); }));
-  EXPECT_EQ(loop->snapshot().interlock, Interlock::output_differs);
-  EXPECT_THAT(cause(), HasSubstr("enable contact"));
+  ASSERT_TRUE(faults());
+  EXPECT_EQ(loop->now().interlock, Interlock::output_differs);
+  EXPECT_THAT(loop->cause(), HasSubstr("enable contact"));
 }
 
 // Off was commanded: what is left is to say so, and to refuse the next start.
 TEST_F(ReadBack, WeldedContactIsNamedOnceItIsSwitchedOff) {
-  ASSERT_TRUE(runs()) << cause();
+  ASSERT_TRUE(runs()) << loop->cause();
   board.set_contact_stuck(true);
-  Command stop;
-  stop.kind = Command::Kind::stop;
-  ASSERT_TRUE(loop->ask(stop));
-  ASSERT_TRUE(eventually([this] { return faulted(); }));
-  EXPECT_EQ(loop->snapshot().interlock, Interlock::output_differs);
-  EXPECT_THAT(cause(), HasSubstr("enable contact (1: on) reads back as 1 where 0 was commanded"));
+  ASSERT_TRUE(loop->ask(Command::Kind::stop));
+  ASSERT_TRUE(faults());
+  EXPECT_EQ(loop->now().interlock, Interlock::output_differs);
+  EXPECT_THAT(loop->cause(),
+              HasSubstr("enable contact (1: on) reads back as 1 where 0 was commanded"));
   board.set_contact_stuck(false);
 }
 

@@ -117,12 +117,14 @@ void EmulatedGpio::edge_taken(const std::string& path, const GpioEdge& edge) {
 
 bool EmulatedGpio::level(const std::string& path, unsigned offset) const {
   const std::lock_guard lock(mutex_);
-  return chip(path)->lines.at(offset).high;
+  const Chip* its = chip(path);
+  return its != nullptr && its->lines.at(offset).high;
 }
 
 std::vector<bool> EmulatedGpio::history(const std::string& path, unsigned offset) const {
   const std::lock_guard lock(mutex_);
-  return chip(path)->lines.at(offset).history;
+  const Chip* its = chip(path);
+  return its == nullptr ? std::vector<bool>() : its->lines.at(offset).history;
 }
 
 Pull EmulatedGpio::pull(const std::string& path, unsigned offset) const {

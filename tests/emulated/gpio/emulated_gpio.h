@@ -55,8 +55,9 @@ class EmulatedGpio {
   void hold_gets(bool hold);
   /// Blocks sets until released.
   void hold_sets(bool hold);
+  /// Low without a chip.
   bool level(const std::string& path, unsigned offset) const;
-  /// All levels of an output, beginning with the requested one.
+  /// All levels of an output, beginning with the requested one; none without a chip.
   std::vector<bool> history(const std::string& path, unsigned offset) const;
   Pull pull(const std::string& path, unsigned offset) const;
   std::string consumer(const std::string& path, unsigned offset) const;

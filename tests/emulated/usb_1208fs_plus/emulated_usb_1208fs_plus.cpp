@@ -373,6 +373,7 @@ void EmulatedUsb1208fsPlus::put_scan() {
 
 void EmulatedUsb1208fsPlus::set_output(std::size_t output, std::uint16_t counts,
                                        std::int64_t time_ns) {
+  if (outputs_stuck_) return;
   counts_[output] = counts;
   if (output == options_.output) wires_.drive(output_v(output), time_ns);
 }
@@ -382,6 +383,8 @@ double EmulatedUsb1208fsPlus::output_v(std::size_t output) const {
 }
 
 double EmulatedUsb1208fsPlus::terminal_v(std::size_t terminal, std::int64_t time_ns) {
+  if (terminal == options_.output_terminal) return output_v(options_.output);
+  if (terminal == options_.contact_terminal) return options_.contact_closed() ? 5.0 : 0.0;
   const auto& sensor = options_.sensors[terminal];
   return sensor ? (*sensor)(wires_, time_ns) : 0.0;
 }
@@ -487,7 +490,13 @@ void EmulatedUsb1208fsPlus::reset() {
   output_ = {};
   again_.reset();
   ranges_ = {};
+  outputs_stuck_ = false;  // without power every output is at 0 V
   for (std::size_t output = 0; output < counts_.size(); ++output) set_output(output, 0, now_());
+}
+
+void EmulatedUsb1208fsPlus::set_outputs_stuck(bool stuck) {
+  catch_up();
+  outputs_stuck_ = stuck;
 }
 
 void EmulatedUsb1208fsPlus::unplug() {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <random>
 #include <string>
@@ -46,8 +47,11 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
     std::uint64_t seed = 1;  ///< of noise, imperfections and faults
     /// The converter has errors of some percent, with corrections in the calibration memory.
     bool imperfect = true;
-    std::size_t output = 0;  ///< index of the output wired to the shaker
-    double crystal = 0.0;    ///< relative excess of the pacer rate
+    std::size_t output = 0;                       ///< index of the output wired to the shaker
+    std::optional<std::size_t> output_terminal;   ///< wired to that output
+    std::optional<std::size_t> contact_terminal;  ///< at a contact: 5 V while it is closed
+    std::function<bool()> contact_closed;         ///< with contact_terminal
+    double crystal = 0.0;                         ///< relative excess of the pacer rate
     std::size_t input_fifo_bytes = 12288;
     std::size_t output_fifo_bytes = 4096;
   };
@@ -80,6 +84,9 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   std::size_t output_fifo_level() const { return output_.fifo.size(); }
   /// Its calibration memory, 768 bytes.
   Bytes& calibration_memory() { return calibration_; }
+
+  /// The outputs keep their voltage, whatever is sent.
+  void set_outputs_stuck(bool stuck);
 
   /// Removes the power: 0 V. A later reset() restores it.
   void unplug();
@@ -166,6 +173,7 @@ class EmulatedUsb1208fsPlus final : public UsbDevice {
   std::array<std::uint16_t, 2> counts_{};
   std::optional<Bytes> again_;  // a repeated packet
   bool plugged_ = true;
+  bool outputs_stuck_ = false;
   std::mt19937_64 noise_;
   std::mt19937_64 fate_;
   InjectedFaults injected_;

@@ -54,12 +54,16 @@ config::BenchInputs single_ended() {
   return out;
 }
 
-EmulatedUsb1208fsPlus::Options board_options(std::uint64_t seed, double amplitude_v) {
+EmulatedUsb1208fsPlus::Options board_options(std::uint64_t seed, double amplitude_v,
+                                             const config::Usb1208fsPlus& settings = {}) {
   EmulatedUsb1208fsPlus::Options out;
   out.seed = seed;
   out.sensors[0] = Sensor{Channel::displacement, amplitude_v, 0.0};
   out.sensors[5] = Sensor{Channel::velocity, amplitude_v, 0.0};
   out.sensors[6] = Sensor{Channel::velocity, amplitude_v, 0.0};  // CH3 if differential
+  if (settings.drive_readback) out.output_terminal = 2;
+  if (settings.enable_readback) out.contact_terminal = 7;
+  out.contact_closed = [] { return true; };
   return out;
 }
 
@@ -67,7 +71,7 @@ struct Bench {
   explicit Bench(std::uint64_t seed = 1, double rate_hz = 5000.0,
                  const config::Usb1208fsPlus& settings = {},
                  const config::BenchInputs& inputs = single_ended(), double amplitude_v = 8.0)
-      : board(board_options(seed, amplitude_v), wires, [this] { return clock.now_ns(); }),
+      : board(board_options(seed, amplitude_v, settings), wires, [this] { return clock.now_ns(); }),
         driver(settings, inputs, rate_hz, clock),
         period_ns(1e9 / rate_hz) {
     bus.plug(board, 1);
@@ -238,6 +242,34 @@ TEST(Usb1208fsPlusOnABus, DifferentialRangesAreCalibratedByTheUnitsConstants) {
       ASSERT_NEAR(frames[i].value[1], scans[i].volts[1], half_v) << i;
     }
   }
+}
+
+// The readings are those of the same scan: an output that follows reads as the paced value.
+TEST(Usb1208fsPlusOnABus, OutputsAreReadBackWithTheScans) {
+  config::Usb1208fsPlus settings;
+  settings.drive_readback = config::BenchInput{.device = "usb_1208fs_plus", .input = "CH2"};
+  settings.enable_readback = config::BenchInput{.device = "usb_1208fs_plus", .input = "CH7"};
+  Bench bench(1, 1000.0, settings);
+  EXPECT_FALSE(bench.driver.output_readings().drive_v);
+  bench.begin();
+  Frame frame;
+  for (int i = 0; i < 300; ++i) {
+    if (!bench.driver.read(frame)) continue;
+    ASSERT_EQ(frame.valid, 0b11);
+    const drivers::OutputReadings outputs = bench.driver.output_readings();
+    ASSERT_TRUE(outputs.drive_v && outputs.enable_v);
+    const auto scans = bench.scans();
+    const std::vector<double>& volts = scans[frame.sequence].volts;  // of CH0, CH2, CH5, CH7
+    ASSERT_NEAR(*outputs.drive_v, volts[1], half_of_11_bits_v);
+    ASSERT_NEAR(*outputs.enable_v, volts[3], half_of_11_bits_v);
+    ASSERT_NEAR(frame.value[1], volts[2], half_of_11_bits_v);
+    static_cast<void>(bench.driver.write({i < 150 ? 1.0 : 4.0, true}));
+  }
+  EXPECT_NEAR(*bench.driver.output_readings().drive_v, 4.0, 2.0 * half_of_11_bits_v);
+  EXPECT_EQ(*bench.driver.output_readings().enable_v > 2.0, true);
+  bench.driver.stop();
+  ASSERT_TRUE(bench.driver.start());
+  EXPECT_FALSE(bench.driver.output_readings().drive_v) << "of the run before";
 }
 
 // The output

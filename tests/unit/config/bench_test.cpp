@@ -92,6 +92,26 @@ TEST(Bench, ReadsTheReadbackOfTheOutputs) {
   EXPECT_FALSE(without.readback.drive || without.readback.enable);
 }
 
+// The output of this board is paced, and may run dry for a while; its contact is that of a GPIO
+// chip.
+TEST(Bench, ReadbackOfAPacedOutputIsLaterByWhatIsQueued) {
+  Bench bench = load_rig(STICKSLIP_TEST_DATA "/config/bench_readback_usb.toml").bench;
+  ASSERT_TRUE(bench.readback.drive && bench.readback.enable);
+  EXPECT_EQ(bench.readback.drive->input.input, "CH6");
+  EXPECT_EQ(bench.readback.enable->input.input, "CH7");
+  const auto drive_s = [&bench](double hz) { return drive_readback_limits(bench, hz).delay_s; };
+  const auto enable_s = [&bench](double hz) { return enable_readback_limits(bench, hz).delay_s; };
+  EXPECT_NEAR(drive_s(1000.0), 0.05 + 2 * 0.01 + 0.03 + 0.2, 1e-12);
+  EXPECT_NEAR(drive_s(200.0), 0.05 + 2 * 32.0 / 1600.0 + 0.03 + 0.2, 1e-12);
+  EXPECT_NEAR(drive_s(50.0), 0.05 + 2 * 0.02 + 0.03 + 0.2, 1e-12);
+  EXPECT_NEAR(enable_s(1000.0), 0.05 + 2 * 0.01 + 0.05 + 0.3, 1e-12);
+  EXPECT_NEAR(drive_readback_limits(bench, 1000.0).tolerance_v, 0.05 + 10.0 / 4096.0 + 0.01, 1e-12);
+  for (auto& input : bench.inputs) {
+    if (input) input->differential = true;
+  }
+  EXPECT_NEAR(drive_s(200.0), 0.05 + 2 * 32.0 / 800.0 + 0.03 + 0.2, 1e-12);
+}
+
 TEST(Bench, InputsOfADeviceExcludeThoseOfOthers) {
   const Rig rig = load_rig(rigs / "bench-u6.toml");
   const BenchInputs bridge = inputs_of(rig.bench.inputs, "phidget_bridge");

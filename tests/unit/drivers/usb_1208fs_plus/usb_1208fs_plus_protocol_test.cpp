@@ -40,9 +40,10 @@ config::BenchInput differential(std::string input, double range_v) {
   return {"usb_1208fs_plus", input, range_v, true, 1};
 }
 
-std::string refusal_of(const config::BenchInputs& inputs, double rate_hz = 1000.0) {
+std::string refusal_of(const config::BenchInputs& inputs, double rate_hz = 1000.0,
+                       const config::ReadbackInputs& outputs = {}) {
   std::string refusal;
-  EXPECT_FALSE(plan_scan(inputs, rate_hz, refusal).has_value());
+  EXPECT_FALSE(plan_scan(inputs, outputs, rate_hz, refusal).has_value());
   return refusal;
 }
 
@@ -96,7 +97,7 @@ TEST(Usb1208fsPlusPlan, FiveInputsAtAKilohertzAreEncoded) {
   const auto plan =
       plan_scan(inputs_of({single_ended("CH4"), single_ended("CH0"), single_ended("CH2"),
                            single_ended("CH1"), single_ended("CH3")}),
-                1000.0, refusal);
+                {}, 1000.0, refusal);
   ASSERT_TRUE(plan) << refusal;
   ASSERT_EQ(plan->channels.size(), 5U);
   EXPECT_EQ(plan->channels[0].frame_index, 1U);
@@ -115,7 +116,7 @@ TEST(Usb1208fsPlusPlan, FiveInputsAtAKilohertzAreEncoded) {
 TEST(Usb1208fsPlusPlan, DifferentialInputsHaveRanges) {
   std::string refusal;
   const auto plan =
-      plan_scan(inputs_of({differential("CH1", 2.5), differential("CH3", 1.0)}), 50.0, refusal);
+      plan_scan(inputs_of({differential("CH1", 2.5), differential("CH3", 1.0)}), {}, 50.0, refusal);
   ASSERT_TRUE(plan) << refusal;
   EXPECT_TRUE(plan->immediate);
   EXPECT_EQ(plan->channels.size(), 2U);
@@ -126,12 +127,39 @@ TEST(Usb1208fsPlusPlan, DifferentialInputsHaveRanges) {
 
 TEST(Usb1208fsPlusPlan, FewInputsArePaddedToFillPacketsInTime) {
   std::string refusal;
-  const auto plan = plan_scan(inputs_of({single_ended("CH2")}), 1000.0, refusal);
+  const auto plan = plan_scan(inputs_of({single_ended("CH2")}), {}, 1000.0, refusal);
   ASSERT_TRUE(plan) << refusal;
   ASSERT_EQ(plan->channels.size(), 4U);  // 32 samples in 8 ms
   EXPECT_EQ(plan->channels[2].frame_index, 0U);
   EXPECT_FALSE(plan->channels[0].frame_index.has_value());
   EXPECT_EQ(plan->period_s, 1e-3);
+}
+
+TEST(Usb1208fsPlusPlan, InputsThatReadOutputsBackAreScannedButNoChannels) {
+  std::string refusal;
+  const config::ReadbackInputs outputs{single_ended("CH0"), single_ended("CH7")};
+  const auto plan = plan_scan(inputs_of({single_ended("CH3")}), outputs, 1000.0, refusal);
+  ASSERT_TRUE(plan) << refusal;
+  ASSERT_EQ(plan->channels.size(), 4U);  // one more to fill packets, beside those in use
+  EXPECT_EQ(plan->channels[0].output, &OutputReadings::drive_v);
+  EXPECT_FALSE(plan->channels[0].frame_index.has_value());
+  EXPECT_EQ(plan->channels[1].output, nullptr);
+  EXPECT_FALSE(plan->channels[1].frame_index.has_value());
+  EXPECT_EQ(plan->channels[2].frame_index, 0U);
+  EXPECT_EQ(plan->channels[2].output, nullptr);
+  EXPECT_EQ(plan->channels[3].output, &OutputReadings::enable_v);
+  EXPECT_EQ(input_scan(*plan)[12], 0x8B);
+}
+
+TEST(Usb1208fsPlusPlan, ReportsInvalidReadbacks) {
+  const config::BenchInputs one = inputs_of({single_ended("CH0")});
+  EXPECT_THAT(refusal_of(one, 1000.0, {single_ended("CH0"), {}}), HasSubstr("assigned twice"));
+  EXPECT_THAT(refusal_of(one, 1000.0, {{}, differential("CH1", 10.0)}),
+              HasSubstr("all single-ended or all differential"));
+  EXPECT_THAT(refusal_of(one, 1000.0, {single_ended("CH9"), {}}),
+              HasSubstr("the input CH9 for readback.drive does not exist"));
+  EXPECT_THAT(refusal_of({}, 1000.0, {single_ended("CH1"), {}}),
+              HasSubstr("no channel is assigned"));
 }
 
 TEST(Usb1208fsPlusPlan, ReportsInvalidConfigurations) {
@@ -146,7 +174,7 @@ TEST(Usb1208fsPlusPlan, ReportsInvalidConfigurations) {
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0"), differential("CH1", 1.0)})),
               HasSubstr("all single-ended or all differential"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0"), single_ended("CH0")})),
-              HasSubstr("assigned to two channels"));
+              HasSubstr("CH0 is assigned twice"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0")}), 60000.0), HasSubstr("at most 51200"));
   EXPECT_THAT(refusal_of(inputs_of({single_ended("CH0")}), std::nan("")), HasSubstr("1 Hz"));
 }
@@ -185,7 +213,7 @@ RC_GTEST_PROP(Usb1208fsPlusPlan, KeepsScanAndOutputRates, ()) {
   std::vector<config::BenchInput> given;
   for (std::size_t i = 0; i < count; ++i) given.push_back(single_ended("CH" + std::to_string(i)));
   std::string refusal;
-  const auto plan = plan_scan(inputs_of(given), rate_hz, refusal);
+  const auto plan = plan_scan(inputs_of(given), {}, rate_hz, refusal);
   RC_ASSERT(plan.has_value());
   // Half a tick of 60 MHz per conversion.
   RC_ASSERT(std::abs(plan->period_s - 1.0 / rate_hz) <=
