@@ -174,9 +174,10 @@ double envelope(double time_s, double held_s) {
 }
 
 std::string reason_to_stop(const drivers::Signals& signals) {
+  // The lines of a lost device count as active.
+  if (signals.lost_device != nullptr) return signals.lost_device;
   if (signals.emergency_stop) return "the emergency stop is pressed";
   if (signals.amplifier_fault) return "the amplifier reports a fault";
-  if (signals.lost_device != nullptr) return signals.lost_device;
   return {};
 }
 

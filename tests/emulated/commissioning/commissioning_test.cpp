@@ -1,39 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // The acceptance of a bench of an emulated LabJack U6 and an emulated PhidgetBridge: a sound one
 // passes every step, and each fault is found by the step that is for it.
-#include "tools/commissioning/commissioning.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <array>
 #include <atomic>
 #include <chrono>
-#include <cmath>
-#include <functional>
-#include <memory>
-#include <mutex>
-#include <numbers>
-#include <optional>
-#include <stdexcept>
-#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "diagnosis/shooting.h"
 #include "drivers/clock/host_clock.h"
-#include "drivers/factory/make_bench.h"
 #include "tests/emulated/attach/emulated_bus.h"
 #include "tests/emulated/attach/emulated_hidapi.h"
 #include "tests/emulated/attach/emulated_libusb.h"
+#include "tests/emulated/commissioning/acceptance.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
 #include "tests/emulated/phidget_bridge/emulated_phidget_bridge.h"
 
 namespace stickslip::emulated {
 namespace {
 
-using commissioning::Record;
 using commissioning::StepRecord;
 using commissioning::Verdict;
 using testing::HasSubstr;
@@ -42,61 +30,6 @@ constexpr double volts_per_metre = 500.0;
 constexpr double ratio_per_newton = 2e-4;
 constexpr double shunt_ohm = 100e3;
 constexpr double bridge_ohm = 350.0;
-
-/// A bench without dynamics: every channel is at its hand's place, and the base follows the drive.
-class Hands final : public Wires {
- public:
-  double truth(Channel channel, std::int64_t time_ns) override {
-    const std::lock_guard hold(mutex_);
-    const double time_s = 1e-9 * static_cast<double>(time_ns) - late_s[index_of(channel)];
-    double out = pushed[index_of(channel)];
-    if (channel == Channel::base_displacement && on_) out += (volts_ - 2.5) / 150.0;
-    if (!to_and_fro) return out;
-    constexpr std::array hz = {0.9, 2.3};
-    for (const double each : hz) {
-      const double rate = 2.0 * std::numbers::pi * each;
-      const double x = 2e-3 * std::sin(rate * time_s);
-      const double v = 2e-3 * rate * std::cos(rate * time_s);
-      if (channel == Channel::displacement) out += x;
-      if (channel == Channel::velocity) out += v;
-      if (channel == Channel::friction_force) out += 400.0 * x;
-    }
-    return out;
-  }
-  void drive(double volts, std::int64_t) override {
-    const std::lock_guard hold(mutex_);
-    volts_ = volts;
-  }
-  void enable(bool on, std::int64_t) override {
-    const std::lock_guard hold(mutex_);
-    on_ = on;
-    if (on) ever_on = true;
-    if (on && when_on) when_on();
-  }
-  bool amplifier_fault() const override { return fault; }
-  bool emergency_stop() const override { return pressed; }
-  bool is_on() const {
-    const std::lock_guard hold(mutex_);
-    return on_;
-  }
-  void change(const std::function<void(Hands&)>& action) {
-    const std::lock_guard hold(mutex_);
-    action(*this);
-  }
-
-  std::array<double, channel_count> pushed{};
-  std::array<double, channel_count> late_s{};
-  bool to_and_fro = false;
-  std::atomic<bool> pressed = false;
-  std::atomic<bool> fault = false;
-  bool ever_on = false;
-  std::function<void()> when_on;
-
- private:
-  mutable std::mutex mutex_;
-  double volts_ = 2.5;
-  bool on_ = false;
-};
 
 config::Rig rig_of_test() {
   config::Rig rig;
@@ -144,45 +77,19 @@ EmulatedPhidgetBridge::Options bridge_options() {
   return out;
 }
 
-/// Does what each question asks for, unless a test replaces an action.
-struct Acceptance : testing::Test {
-  struct Action {
-    std::string question;  // a part of it
-    std::function<void()> act;
-    std::string answer;
-  };
-
-  Acceptance() {
-    durations = {.reading_s = 0.6,
-                 .response_s = 3.0,
-                 .return_s = 20.0,
-                 .motion_s = 3.0,
-                 .drive_s = 1.5,
-                 .timing_s = 0.5};
+struct AcceptanceOfABench : Acceptance {
+  AcceptanceOfABench() {
+    rig = rig_of_test();
     board.wire(0, {Channel::displacement, volts_per_metre, 0.0});
     board.wire(1, {Channel::velocity, 10.0, 0.0});
     board.wire(2, {Channel::base_displacement, volts_per_metre, 0.0});
     bus.plug(board, 1);
     bus.plug(bridge, 2);
-    const auto push = [this](Channel channel, double si) {
-      return [this, channel, si] {
-        hands.change([&](Hands& all) { all.pushed[index_of(channel)] = si; });
-      };
-    };
     const double shunt_n = bridge_ohm / (4 * shunt_ohm + 2 * bridge_ohm) / ratio_per_newton;
-    actions = {
-        {"displacement: [Enter]", push(Channel::displacement, 3e-3), ""},
-        {"velocity: [Enter]", push(Channel::velocity, 0.1), ""},
-        {"friction_force: [Enter]", push(Channel::friction_force, 1.0), ""},
-        {"base_displacement: [Enter]", push(Channel::base_displacement, 3e-3), ""},
+    const std::vector<Action> more = {
         {"as in \"100000 350\"", {}, "100000 350"},
         {"connect the shunt", push(Channel::friction_force, shunt_n), ""},
         {"remove the shunt", push(Channel::friction_force, 0.0), ""},
-        {"to and fro", [this] { hands.change([](Hands& all) { all.to_and_fro = true; }); }, ""},
-        {"press the emergency stop", [this] { hands.pressed = true; }, ""},
-        {"release the button", [this] { hands.pressed = false; }, ""},
-        {"make the amplifier report", [this] { hands.fault = true; }, ""},
-        {"end the amplifier's fault", [this] { hands.fault = false; }, ""},
         {"pull its wire out", [this] { (hands_on_fault ? hands.fault : hands.pressed) = true; },
          ""},
         {"put the wire back", [this] { (hands_on_fault ? hands.fault : hands.pressed) = false; },
@@ -191,92 +98,22 @@ struct Acceptance : testing::Test {
         {"plug labjack_u6 in", [this] { bus.plug(board, 1); }, ""},
         {"unplug phidget_bridge", [this] { bus.unplug(bridge); }, ""},
         {"plug phidget_bridge in", [this] { bus.plug(bridge, 2); }, ""},
-        {"\"yes\" starts it", {}, "yes"},
     };
-    person.show = [this](const std::string& text) {
-      shown += text;
-      hands_on_fault = hands_on_fault || text.find("(amplifier_fault)") != std::string::npos;
-    };
-    person.ask = [this](const std::string& question, const std::string&) {
-      return answer(question);
-    };
+    actions.insert(actions.end(), more.begin(), more.end());
   }
-  ~Acceptance() override {
+  ~AcceptanceOfABench() override {
     EXPECT_FALSE(hands.is_on());
     EXPECT_THAT(bus.misuses(), testing::IsEmpty());
   }
 
-  std::optional<std::string> answer(const std::string& question) {
-    if (question.find("unplug") == std::string::npos) {
-      hands.change([](Hands& all) {
-        all.pushed.fill(0.0);
-        all.to_and_fro = false;
-      });
-    }
-    // A host that was too busy to read the lines: they count as active.
-    const std::string unread = "The drive was stopped: the emergency stop";
-    if (question.find("r repeats") != std::string::npos &&
-        shown.rfind(unread) != std::string::npos) {
-      shown.clear();
-      return "r";
-    }
-    // A part of a longer name does not count: the longest match does.
-    const Action* best = nullptr;
-    for (const Action& each : actions) {
-      const bool matches = question.find(each.question) != std::string::npos;
-      if (matches && (best == nullptr || each.question.size() > best->question.size()))
-        best = &each;
-    }
-    if (best == nullptr) return "";
-    if (best->act) best->act();
-    return best->answer;
-  }
-
-  Action& on(const std::string& question) {
-    for (Action& each : actions) {
-      if (each.question == question) return each;
-    }
-    throw std::logic_error("no action for " + question);
-  }
-
-  bool accept(const std::vector<std::string>& steps = {}) {
-    commissioning::BenchSession session(drivers::make_bench(rig.bench, rig.loop.rate_hz), rig,
-                                        stop.get_token());
-    return commissioning::commission(session, person, record, {steps}, durations,
-                                     [this](const Record& now) { kept = now; });
-  }
-
-  /// The step, and no other, made on the bench of the test.
-  StepRecord made(const std::string& step) {
-    accept({step});
-    const StepRecord* found = record.find(step);
-    return found == nullptr ? StepRecord() : *found;
-  }
-  void expect_failed(const std::string& step, const std::string& part) {
-    const StepRecord found = made(step);
-    EXPECT_EQ(found.verdict, Verdict::failed) << found.text;
-    EXPECT_THAT(found.text, HasSubstr(part));
-    EXPECT_FALSE(found.remedy.empty());
-  }
-
   drivers::MonotonicHostClock clock;
   EmulatedBus bus;
-  Hands hands;
   EmulatedLabjackU6 board{hands, [this] { return clock.now_ns(); }, board_options()};
   EmulatedPhidgetBridge bridge{bridge_options(), hands, [this] { return clock.now_ns(); }};
-  config::Rig rig = rig_of_test();
-  commissioning::Durations durations;
-  std::vector<Action> actions;
-  bool hands_on_fault = false;
-  std::string shown;
   std::atomic<bool> contact_closed = false;
-  commissioning::Person person;
-  std::stop_source stop;
-  Record record;
-  Record kept;
 };
 
-TEST_F(Acceptance, SoundBenchPassesEveryStep) {
+TEST_F(AcceptanceOfABench, SoundBenchPassesEveryStep) {
   EXPECT_TRUE(accept()) << shown;
   for (const commissioning::Step& step : commissioning::all_steps()) {
     const StepRecord* found = record.find(step.id);
@@ -295,44 +132,44 @@ TEST_F(Acceptance, SoundBenchPassesEveryStep) {
   EXPECT_EQ(commissioning::json_of(kept), commissioning::json_of(record));
 }
 
-TEST_F(Acceptance, MissingDeviceIsFoundByTheIdentities) {
+TEST_F(AcceptanceOfABench, MissingDeviceIsFoundByTheIdentities) {
   bus.unplug(bridge);
   expect_failed("identities", "PhidgetBridge");
 }
 
-TEST_F(Acceptance, OtherDevicesThanTheLabelsAreRefusedByThePerson) {
+TEST_F(AcceptanceOfABench, OtherDevicesThanTheLabelsAreRefusedByThePerson) {
   actions.push_back({"by their labels", {}, "n"});
   expect_failed("identities", "Not the devices of this bench");
 }
 
-TEST_F(Acceptance, OpenWireIsFoundByTheNoise) {
+TEST_F(AcceptanceOfABench, OpenWireIsFoundByTheNoise) {
   board.wire(0, {Channel::displacement, volts_per_metre, 10.2});
   expect_failed("noise", "displacement from labjack_u6/AIN0 is at the end of its range");
 }
 
-TEST_F(Acceptance, LouderChannelThanTheModelDeclaresIsFoundByTheNoise) {
+TEST_F(AcceptanceOfABench, LouderChannelThanTheModelDeclaresIsFoundByTheNoise) {
   rig.model.sensors[index_of(Channel::displacement)].noise_std = 1e-9;
   expect_failed("noise", "The noise of displacement");
 }
 
-TEST_F(Acceptance, WrongGainIsFoundByTheShunt) {
+TEST_F(AcceptanceOfABench, WrongGainIsFoundByTheShunt) {
   on("as in \"100000 350\"").answer = "50000 350";
   expect_failed("shunt", "friction_force");
 }
 
-TEST_F(Acceptance, ReversedSensorIsFoundByThePolarity) {
+TEST_F(AcceptanceOfABench, ReversedSensorIsFoundByThePolarity) {
   board.wire(1, {Channel::velocity, -10.0, 0.0});
   expect_failed("polarity", "velocity fell");
 }
 
-TEST_F(Acceptance, ExchangedWiresAreFoundByThePolarity) {
+TEST_F(AcceptanceOfABench, ExchangedWiresAreFoundByThePolarity) {
   durations.response_s = 1.5;
   board.wire(0, {Channel::base_displacement, volts_per_metre, 0.0});
   board.wire(2, {Channel::displacement, volts_per_metre, 0.0});
   expect_failed("polarity", "displacement did not respond. base_displacement did");
 }
 
-TEST_F(Acceptance, LateChannelIsFoundByTheDelays) {
+TEST_F(AcceptanceOfABench, LateChannelIsFoundByTheDelays) {
   hands.late_s[index_of(Channel::friction_force)] = 0.06;
   expect_failed("delays", "A model takes up to 30 ms");
   const auto late = measured_of(*record.find("delays"), "friction_force.delay_s");
@@ -341,49 +178,49 @@ TEST_F(Acceptance, LateChannelIsFoundByTheDelays) {
   EXPECT_GT(late->sigma.value_or(0.0), 0.0);
 }
 
-TEST_F(Acceptance, ButtonWithoutItsWireIsFoundByTheEmergencyStop) {
+TEST_F(AcceptanceOfABench, ButtonWithoutItsWireIsFoundByTheEmergencyStop) {
   durations.response_s = 1.0;
   on("press the emergency stop").act = {};
   expect_failed("emergency_stop", "did not react: press the emergency stop");
 }
 
-TEST_F(Acceptance, CutWireThatReadsAsReleasedIsFoundByTheEmergencyStop) {
+TEST_F(AcceptanceOfABench, CutWireThatReadsAsReleasedIsFoundByTheEmergencyStop) {
   durations.response_s = 1.0;
   on("pull its wire out").act = {};
   expect_failed("emergency_stop", "did not react: pull its wire out");
 }
 
-TEST_F(Acceptance, FaultThatDoesNotArriveIsFoundByTheFaultLine) {
+TEST_F(AcceptanceOfABench, FaultThatDoesNotArriveIsFoundByTheFaultLine) {
   durations.response_s = 1.0;
   on("make the amplifier report").act = {};
   expect_failed("amplifier_fault", "did not react");
 }
 
-TEST_F(Acceptance, ActiveLineIsFoundBeforeAnythingIsDone) {
+TEST_F(AcceptanceOfABench, ActiveLineIsFoundBeforeAnythingIsDone) {
   durations.response_s = 1.0;
   hands.fault = true;
   expect_failed("amplifier_fault", "although nothing was done");
 }
 
-TEST_F(Acceptance, DeviceThatDoesNotComeBackIsFoundByThePlugs) {
+TEST_F(AcceptanceOfABench, DeviceThatDoesNotComeBackIsFoundByThePlugs) {
   durations.return_s = 2.0;
   on("plug phidget_bridge in").act = {};
   expect_failed("plugs", "phidget_bridge did not come back");
 }
 
-TEST_F(Acceptance, LossThatIsNotNoticedIsFoundByThePlugs) {
+TEST_F(AcceptanceOfABench, LossThatIsNotNoticedIsFoundByThePlugs) {
   durations.response_s = 1.0;
   on("unplug phidget_bridge").act = {};
   on("plug phidget_bridge in").act = {};
   expect_failed("plugs", "The loss of phidget_bridge was not noticed");
 }
 
-TEST_F(Acceptance, LateLoopIsFoundByItsTimes) {
+TEST_F(AcceptanceOfABench, LateLoopIsFoundByItsTimes) {
   rig.safety.longest_overrun_s = 1e-5;
   expect_failed("timing", "an overrun");
 }
 
-TEST_F(Acceptance, ContactThatStaysClosedIsFoundByTheWatchdog) {
+TEST_F(AcceptanceOfABench, ContactThatStaysClosedIsFoundByTheWatchdog) {
   hands.when_on = [this] { contact_closed = true; };
   // The contact welds as soon as it is closed; afterwards it is mended, for the end of the test.
   std::jthread welder([this](const std::stop_token& ended) {
@@ -400,12 +237,12 @@ TEST_F(Acceptance, ContactThatStaysClosedIsFoundByTheWatchdog) {
   hands.when_on = {};
 }
 
-TEST_F(Acceptance, StuckOutputIsFoundByTheDrive) {
+TEST_F(AcceptanceOfABench, StuckOutputIsFoundByTheDrive) {
   board.set_dac_stuck(true);
   expect_failed("drive", "The output reads back with");
 }
 
-TEST_F(Acceptance, StepsThatAreLeftOutAreRecordedAsNotDone) {
+TEST_F(AcceptanceOfABench, StepsThatAreLeftOutAreRecordedAsNotDone) {
   actions.push_back({"[Enter] begins, s leaves this step out", {}, "s"});
   EXPECT_FALSE(accept());
   for (const StepRecord& each : record.steps) EXPECT_EQ(each.verdict, Verdict::not_done);
@@ -413,7 +250,7 @@ TEST_F(Acceptance, StepsThatAreLeftOutAreRecordedAsNotDone) {
   EXPECT_FALSE(hands.ever_on);
 }
 
-TEST_F(Acceptance, InterruptionLeavesTheAmplifierOffAndEverythingKept) {
+TEST_F(AcceptanceOfABench, InterruptionLeavesTheAmplifierOffAndEverythingKept) {
   ASSERT_EQ(made("identities").verdict, Verdict::passed);
   hands.when_on = [this] { stop.request_stop(); };
   EXPECT_THROW(accept({"noise", "drive"}), diagnosis::Interrupted);
