@@ -317,6 +317,14 @@ std::size_t EmulatedBus::transfers_in_flight() const {
   return state_->outstanding();
 }
 
+std::size_t EmulatedBus::transfers_waiting() const {
+  const std::lock_guard hold(state_->mutex());
+  const auto& requests = state_->requests();
+  return static_cast<std::size_t>(
+      std::count_if(requests.begin(), requests.end(),
+                    [](const Request& request) { return request.owner != nullptr; }));
+}
+
 std::vector<std::string> EmulatedBus::misuses() const {
   const std::lock_guard hold(state_->mutex());
   return state_->misuses();

@@ -43,6 +43,8 @@ class EmulatedBus {
   int open_handles() const;
   /// Transfers submitted and not yet completed by a callback.
   std::size_t transfers_in_flight() const;
+  /// Those of them that wait for their device: not those that have ended, whose callback is due.
+  std::size_t transfers_waiting() const;
   /// Descriptions of misuse of the real library: a handle closed with transfers in flight, a
   /// transfer freed in flight, an interface not claimed.
   std::vector<std::string> misuses() const;

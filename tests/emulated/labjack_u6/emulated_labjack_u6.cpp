@@ -726,6 +726,11 @@ std::uint64_t EmulatedLabjackU6::packets() const {
   return stream_.packets();
 }
 
+std::size_t EmulatedLabjackU6::samples_waiting() const {
+  const std::lock_guard hold(lock_);
+  return stream_.samples_waiting();
+}
+
 bool EmulatedLabjackU6::streaming() const {
   const std::lock_guard hold(lock_);
   return stream_.running();
@@ -759,6 +764,11 @@ bool EmulatedLabjackU6::watchdog_armed() const {
 std::uint64_t EmulatedLabjackU6::resets() const {
   const std::lock_guard hold(lock_);
   return resets_;
+}
+
+bool EmulatedLabjackU6::answers_taken() const {
+  const std::lock_guard hold(lock_);
+  return answers_.empty();
 }
 
 std::uint64_t EmulatedLabjackU6::commands() const {

@@ -104,7 +104,8 @@ class EmulatedLabjackU6 final : public UsbDevice {
   std::uint64_t scans_lost() const;  ///< by FIFO overflows, since the start of the stream
   std::uint64_t recoveries() const;
   std::vector<U6FaultyPacket> faulty_packets() const;
-  std::uint64_t packets() const;  ///< since the start of the stream, including those not sent
+  std::uint64_t packets() const;        ///< since the start of the stream, including those not sent
+  std::size_t samples_waiting() const;  ///< in its buffer
   bool streaming() const;
   double dac_volts(int dac) const;
   bool line_is_output(int line) const;
@@ -113,6 +114,8 @@ class EmulatedLabjackU6 final : public UsbDevice {
   bool watchdog_armed() const;  ///< set before a stream; refused during it, as no source permits it
   std::uint64_t resets() const;    ///< by command, by the bus or by the watchdog
   std::uint64_t commands() const;  ///< received in total
+  /// True if every answer was read by the host.
+  bool answers_taken() const;
 
  private:
   struct Answer {

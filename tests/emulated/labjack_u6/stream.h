@@ -78,6 +78,7 @@ class U6Stream {
   void sample_until(std::int64_t now_ns);
   /// The next complete packet. A scheduled stall sets `stalled`.
   std::optional<Bytes> next_packet();
+  std::size_t samples_waiting() const { return fifo_.size(); }
   bool stalled() const { return stalled_; }
   void stall() { stalled_ = true; }
   void clear_halt() { stalled_ = false; }
