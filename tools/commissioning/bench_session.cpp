@@ -105,6 +105,12 @@ void BenchSession::wait(double seconds) const {
   std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
 }
 
+std::optional<bool> BenchSession::contact_on(const drivers::OutputReadings& outputs) const {
+  const auto& contact = rig_.bench.readback.enable;
+  if (!contact || !outputs.enable_v) return std::nullopt;
+  return (*outputs.enable_v > contact->on_above_v) != contact->active_low;
+}
+
 double BenchSession::si(Channel channel, double raw) const {
   const config::ChannelCalibration& line = rig_.calibration[index_of(channel)];
   return (raw - line.offset) * line.gain;

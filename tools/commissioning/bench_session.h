@@ -66,6 +66,8 @@ class BenchSession {
   bool measures(Channel channel) const {
     return (description().channels >> index_of(channel) & 1U) != 0;
   }
+  /// State of the amplifier's enable contact, by the input that reads it back; none if none does.
+  std::optional<bool> contact_on(const drivers::OutputReadings& outputs) const;
   /// A raw value in SI, without crosstalk.
   double si(Channel channel, double raw) const;
   /// Readings, packets and scans that all devices have lost so far.

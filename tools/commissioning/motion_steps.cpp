@@ -10,6 +10,7 @@
 #include "tools/commissioning/commissioning.h"
 #include "tools/commissioning/delay_fit.h"
 #include "tools/commissioning/readings.h"
+#include "tools/commissioning/resolution.h"
 #include "tools/commissioning/sine_fit.h"
 
 namespace stickslip::commissioning {
@@ -19,6 +20,7 @@ namespace {
 using physics::number_text;
 
 constexpr double clear_response = 8.0;  // standard deviations at rest
+constexpr double clear_steps = 3.0;     // or steps of a coarse input
 constexpr int readings_in_a_row = 3;    // beyond that
 constexpr double longest_delay_s = 0.1;
 constexpr double largest_model_delay_s = 0.03;  // sensors.CHANNEL.delay_s
@@ -62,9 +64,9 @@ Responses responses(const Bench& bench, const ChannelReadings& rest, Channel wan
         continue;
       last_ns[i] = measured_ns(*moment.frame, channel);
       const double away = (*moment.frame)[channel] - rest[i].mean();
-      const int sign = std::abs(away) < clear_response * rest[i].deviation() ? 0
-                       : away > 0                                            ? 1
-                                                                             : -1;
+      const double least = std::max(clear_response * rest[i].deviation(),
+                                    clear_steps * step_of(bench.session.rig(), channel));
+      const int sign = std::abs(away) <= least ? 0 : away > 0 ? 1 : -1;
       in_a_row[i] = sign == 0 ? 0 : in_a_row[i] * sign >= 0 ? in_a_row[i] + sign : sign;
       if (out[i] == 0 && std::abs(in_a_row[i]) >= readings_in_a_row) out[i] = sign;
     }
@@ -200,10 +202,7 @@ DriveRun driven(const Bench& bench, double amplitude, double frequency_hz) {
           out.time_s.push_back(since_s);
           out.drive_v.push_back(*moment.outputs.drive_v);
         }
-        if (moment.outputs.enable_v && rig.bench.readback.enable) {
-          const config::EnableReadback& contact = *rig.bench.readback.enable;
-          out.enabled = (*moment.outputs.enable_v > contact.on_above_v) != contact.active_low;
-        }
+        out.enabled = bench.session.contact_on(moment.outputs).value_or(out.enabled);
         if (moment.frame->has(base)) {
           out.base_s.push_back(since_s - 1e-6 * moment.frame->age_us[index_of(base)]);
           out.base.push_back(bench.session.si(base, (*moment.frame)[base]));

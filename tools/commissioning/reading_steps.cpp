@@ -9,6 +9,7 @@
 #include "physics/number_text.h"
 #include "tools/commissioning/commissioning.h"
 #include "tools/commissioning/readings.h"
+#include "tools/commissioning/resolution.h"
 
 namespace stickslip::commissioning {
 
@@ -44,13 +45,15 @@ struct Rest {
   std::uint64_t first = 0;  // sequence
   std::uint64_t last = 0;
   std::uint64_t frames = 0;
+  bool contact_on = false;  // at the end
   RunEnd end;
 };
 
 Rest read_at_rest(const Bench& bench, double duration_s) {
   Rest out;
-  out.end = bench.session.run(duration_s, [&out](const Moment& moment) {
+  out.end = bench.session.run(duration_s, [&out, &bench](const Moment& moment) {
     if (!moment.frame) return true;
+    out.contact_on = bench.session.contact_on(moment.outputs).value_or(false);
     if (out.frames++ == 0) out.first = moment.frame->sequence;
     out.last = moment.frame->sequence;
     add(out.readings, *moment.frame);
@@ -67,7 +70,8 @@ std::string complaint(const config::Rig& rig, Channel channel, const Readings& r
     return who + " is at the end of its range (" + number_text(readings.mean(), 4) +
            "): an open wire, or too high a gain. ";
   }
-  if (readings.count() >= enough_readings && readings.deviation() == 0.0) {
+  const bool fine = step_of(rig, channel) == 0.0;
+  if (fine && readings.count() >= enough_readings && readings.deviation() == 0.0) {
     return "Every reading of " + who + " is " + number_text(readings.mean(), 4) +
            ", without any noise: its wire may be open or shorted. ";
   }
@@ -85,12 +89,15 @@ void add_zero(const Bench& bench, Channel channel, const Readings& readings, Ste
   const std::string raw(bench.session.description().unit[index_of(channel)]);
   const double gain = std::abs(bench.session.rig().calibration[index_of(channel)].gain);
   const std::string unit(info(channel).unit);
-  out.measured.push_back(
-      {stem_of(channel) + ".zero_raw", readings.mean(), readings.mean_sigma(), raw});
-  out.measured.push_back({stem_of(channel) + ".noise_raw", readings.deviation(), {}, raw});
+  // Within a step of a coarse input the reading says nothing.
+  const double rounding = step_of(bench.session.rig(), channel) / std::sqrt(12.0);
+  const double zero_sigma = std::hypot(readings.mean_sigma(), rounding);
+  const double noise = std::hypot(readings.deviation(), rounding);
+  out.measured.push_back({stem_of(channel) + ".zero_raw", readings.mean(), zero_sigma, raw});
+  out.measured.push_back({stem_of(channel) + ".noise_raw", noise, {}, raw});
   out.measured.push_back({stem_of(channel) + ".zero", bench.session.si(channel, readings.mean()),
-                          gain * readings.mean_sigma(), unit});
-  out.measured.push_back({stem_of(channel) + ".noise", gain * readings.deviation(), {}, unit});
+                          gain * zero_sigma, unit});
+  out.measured.push_back({stem_of(channel) + ".noise", gain * noise, {}, unit});
 }
 
 /// Resistances of shunt and bridge, "100000 350"; zeros if they are none.
@@ -154,6 +161,11 @@ StepRecord noise(const Bench& bench) {
   const Rest rest = read_at_rest(bench, bench.durations.reading_s);
   if (rest.end.outcome != drivers::Outcome::ok) {
     return failed("The bench cannot be read: " + rest.end.message + ".", "stickslip doctor");
+  }
+  if (rest.contact_on) {
+    return failed("The amplifier's enable contact is closed although it was not commanded.",
+                  "stay away from the shaker; check active_low of the enable line, and "
+                  "[readback.enable]");
   }
   StepRecord out = passed("");
   for (const Channel channel : all_channels) {

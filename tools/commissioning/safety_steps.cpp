@@ -168,18 +168,15 @@ bool pulled(const Bench& bench, const Plug& plug, StepRecord& out) {
 /// Watches the enable contact while nothing is written; seconds until it opened. None: it did not.
 std::optional<double> silence(const Bench& bench, double longest_s, bool& was_on) {
   constexpr double on_s = 1.5;  // before the silence
-  const config::EnableReadback* contact = bench.session.rig().bench.readback.enable
-                                              ? &*bench.session.rig().bench.readback.enable
-                                              : nullptr;
   std::optional<double> opened_s;
-  const auto on = [contact](const Moment& moment) {
-    return moment.outputs.enable_v &&
-           (*moment.outputs.enable_v > contact->on_above_v) != contact->active_low;
+  const bool read_back = bench.session.rig().bench.readback.enable.has_value();
+  const auto on = [&bench](const Moment& moment) {
+    return bench.session.contact_on(moment.outputs).value_or(false);
   };
   bench.session.run(
       on_s + longest_s,
       [&](const Moment& moment) {
-        if (contact == nullptr || !moment.frame) return true;
+        if (!read_back || !moment.frame) return true;
         if (moment.time_s < on_s) {
           was_on = on(moment);
         } else if (was_on && !on(moment)) {

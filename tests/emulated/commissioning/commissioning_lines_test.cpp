@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -170,7 +171,6 @@ struct AcceptanceOfLines : Acceptance {
     out.sensors[0] = Sensor{Channel::displacement, volts_per_metre, 0.0};
     out.sensors[1] = Sensor{Channel::velocity, 10.0, 0.0};
     out.sensors[2] = Sensor{Channel::base_displacement, volts_per_metre, 0.0};
-    out.noise_v = 0.01;
     out.output_terminal = 6;
     out.contact_terminal = 7;
     out.contact_closed = [this] {
@@ -209,6 +209,7 @@ struct AcceptanceOfLines : Acceptance {
   EmulatedModbusUnits units{[this] { return clock.now_ns(); }, folder, 1};
 };
 
+// The converter of the board is coarse: at rest every reading of an input is the same.
 TEST_F(AcceptanceOfLines, SoundBenchPassesEveryStep) {
   EXPECT_TRUE(accept()) << shown;
   for (const commissioning::Step& step : commissioning::all_steps()) {
@@ -223,6 +224,7 @@ TEST_F(AcceptanceOfLines, SoundBenchPassesEveryStep) {
   const auto number = [this](const char* step, const char* name) {
     return measured_of(*record.find(step), name).value_or(commissioning::Measured{}).value;
   };
+  EXPECT_NEAR(number("noise", "displacement.noise_raw"), 10.0 / 1024.0 / std::sqrt(12.0), 1e-4);
   EXPECT_THAT(record.find("watchdog")->text, HasSubstr("by the watchdog relay"));
   EXPECT_GT(number("watchdog", "watchdog.time"), 0.5);
   EXPECT_NEAR(number("drive", "drive.readback"), 0.0225, 0.004);
@@ -259,6 +261,13 @@ TEST_F(AcceptanceOfLines, UnitThatRefusesIsFoundByTheIdentities) {
 TEST_F(AcceptanceOfLines, UnitThatReportsAnErrorIsFoundByTheNoise) {
   unit_state = 7;
   expect_failed("noise", "There is no valid reading of friction_force from conditioner/force");
+}
+
+// Its relay closes with the heartbeat, and the amplifier is on whenever it was commanded off.
+TEST_F(AcceptanceOfLines, WrongPolarityOfTheEnableLineIsFoundByTheNoise) {
+  rig.bench.amplifier->enable->active_low = true;
+  expect_failed("noise", "enable contact is closed although it was not commanded");
+  contact.cut();
 }
 
 // Polarity and delays
