@@ -83,6 +83,19 @@ bool has_contact(const config::Bench& bench,
   return bench.amplifier && ((*bench.amplifier).*line).has_value();
 }
 
+bool has_alarm(const config::ModbusUnit& unit) {
+  const auto& registers = unit.map.registers;
+  return std::any_of(registers.begin(), registers.end(),
+                     [](const auto& each) { return each.role == config::RegisterRole::alarm; });
+}
+
+/// By a line of the board or of the GPIO chip, or by the alarm of a Modbus unit.
+bool reports_faults(const config::Bench& bench) {
+  const config::LabjackOutput* board = config::output_of(bench);
+  return (board && board->amplifier_fault_line) || has_contact(bench, &config::Amplifier::fault) ||
+         std::any_of(bench.modbus.begin(), bench.modbus.end(), has_alarm);
+}
+
 /// A device that has a plug, and its channels.
 struct Plug {
   std::string name;
@@ -99,6 +112,11 @@ std::vector<Plug> plugs_of(const config::Rig& rig) {
     auto at = std::find_if(out.begin(), out.end(), same);
     if (at == out.end()) at = out.insert(out.end(), Plug{input->device, {}});
     at->channels.push_back(channel);
+  }
+  for (const config::ModbusUnit& unit : rig.bench.modbus) {
+    const auto same = [&unit](const Plug& each) { return each.name == unit.name; };
+    if (has_alarm(unit) && std::none_of(out.begin(), out.end(), same))
+      out.push_back({unit.name, {}});
   }
   if (rig.bench.amplifier) out.push_back({"GPIO chip " + rig.bench.amplifier->chip, {}});
   return out;
@@ -217,8 +235,7 @@ StepRecord emergency_stop(const Bench& bench) {
 
 StepRecord amplifier_fault(const Bench& bench) {
   const config::Bench& wired = bench.session.rig().bench;
-  const config::LabjackOutput* board = config::output_of(wired);
-  if (!(board && board->amplifier_fault_line) && !has_contact(wired, &config::Amplifier::fault)) {
+  if (!reports_faults(wired)) {
     return not_applicable("The amplifier does not report its faults to the daemon.");
   }
   return tested(bench, {"the amplifier's fault", "make the amplifier report a fault",

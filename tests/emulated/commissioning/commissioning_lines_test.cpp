@@ -73,7 +73,9 @@ config::ModbusUnit unit_at(const std::string& port) {
   out.unit = unit_number;
   out.port = port;
   out.baud = 115200;
-  out.timeout_s = 0.25;  // test hosts are busy
+  // Test hosts are busy.
+  out.timeout_s = 0.25;
+  out.retries = 8;
   out.poll_period_s = 0.005;
   out.map.name = "test unit";
   out.map.registers = {register_at("force", 0, config::RegisterRole::reading),
@@ -338,7 +340,35 @@ TEST_F(AcceptanceOfLines, LongDebouncingIsFoundByTheFaultLine) {
   expect_failed("amplifier_fault", "although nothing was done");
 }
 
+// An alarm of the unit is a fault of the amplifier, and its cable the wire.
+TEST_F(AcceptanceOfLines, AlarmOfTheUnitIsTestedLikeALine) {
+  rig.bench.amplifier->fault.reset();
+  on("make the amplifier report").act = [this] { unit_trip = 1; };
+  on("end the amplifier's fault").act = [this] { unit_trip = 0; };
+  on("pull its wire out").act = [this] { units.unplug(); };
+  on("put the wire back").act = [this] { units.plug_in(); };
+  const StepRecord found = made("amplifier_fault");
+  EXPECT_EQ(found.verdict, Verdict::passed) << found.text;
+  durations.response_s = 1.0;
+  on("make the amplifier report").act = {};
+  expect_failed("amplifier_fault", "did not react: make the amplifier report");
+}
+
+TEST_F(AcceptanceOfLines, NothingThatReportsFaultsDoesNotApply) {
+  rig.bench.amplifier->fault.reset();
+  rig.bench.modbus[0].map.registers.pop_back();
+  EXPECT_EQ(made("amplifier_fault").verdict, Verdict::not_applicable);
+}
+
 // Plugs
+
+// It is the source of no channel, but its alarm is read.
+TEST_F(AcceptanceOfLines, UnitWithAnAlarmOnlyHasAPlug) {
+  rig.bench.inputs[index_of(Channel::friction_force)].reset();
+  const StepRecord found = made("plugs");
+  EXPECT_EQ(found.verdict, Verdict::passed) << found.text;
+  EXPECT_TRUE(measured_of(found, "conditioner.loss"));
+}
 
 // A chip may drive its lines although no one can command it: that comes first.
 TEST_F(AcceptanceOfLines, ChipThatDoesNotComeBackMayHaveLeftTheAmplifierOn) {
