@@ -34,19 +34,20 @@ class Still final : public Wires {
   void enable(bool, std::int64_t) override {}
 };
 
-/// Test hosts are busier than those of rigs: long delays, and much drive queued in the board.
+/// Test hosts are busier than those of rigs: long delays, and much drive queued in the board. An
+/// output that runs dry time and again does not follow.
 config::Bench settings() {
   config::Bench out;
   out.board = config::BoardKind::usb_1208fs_plus;
   out.inputs[index_of(Channel::displacement)] = {"usb_1208fs_plus", "CH0", 10.0, false, 1};
-  out.usb_1208fs_plus.output_ahead_s = 0.1;
+  out.usb_1208fs_plus.output_ahead_s = 0.4;
   out.shaker.volts_per_unit = 150.0;
   out.amplifier.emplace().chip = chip;
   out.amplifier->enable = config::GpioLine{.line = "0"};
   out.amplifier->heartbeat = config::GpioLine{.line = "1"};
   out.readback.drive.emplace().input = {"usb_1208fs_plus", "CH6", 10.0, false, 1};
   out.readback.enable.emplace().input = {"usb_1208fs_plus", "CH7", 10.0, false, 1};
-  out.readback.drive->delay_s = 0.8;
+  out.readback.drive->delay_s = 1.2;
   out.readback.enable->delay_s = 0.8;
   return out;
 }
@@ -95,12 +96,12 @@ TEST_F(ReadBackOfAPacedOutput, OutputsThatFollowAreNoFault) {
     const Interval interval(host, length);
     while (!interval.over()) std::this_thread::sleep_for(10ms);
   };
-  pass(3s);
+  pass(5s);
   EXPECT_FALSE(loop->faulted()) << loop->cause();
   EXPECT_TRUE(contact.closed());
   ASSERT_TRUE(loop->ask(Command::Kind::stop));
   ASSERT_TRUE(eventually([this] { return !contact.closed(); }));
-  pass(2s);
+  pass(3s);
   EXPECT_FALSE(loop->faulted()) << loop->cause();
 }
 
