@@ -141,8 +141,15 @@ bool CandidateEffect::frees_what_is_declared() const {
 std::vector<physics::SharedNumber> differences_of(const std::string& path,
                                                   const physics::Campaign& campaign) {
   if (campaign.runs.size() < 2) return {};
+  std::vector<std::string> conditions = campaign.varied_conditions();
   std::vector<physics::SharedNumber> out{{path, physics::Sharing::own}};
-  for (const std::string& condition : campaign.varied_conditions()) {
+  // Of two recordings, a number of each follows every condition: that is one hypothesis.
+  const bool two = std::ranges::count(campaign.runs, false, &physics::Run::held_out) == 2;
+  if (two && std::ranges::any_of(conditions, [](const auto& each) { return each != "order"; })) {
+    std::erase(conditions, "order");
+    out.clear();
+  }
+  for (const std::string& condition : conditions) {
     const bool positive =
         std::all_of(campaign.runs.begin(), campaign.runs.end(),
                     [&](const physics::Run& run) { return run.conditions.at(condition) > 0.0; });
@@ -157,6 +164,7 @@ std::vector<CandidateEffect> comparison_candidates(const physics::Model& model,
                                                    std::span<const Experiment> experiments,
                                                    const physics::Campaign& campaign) {
   std::vector<CandidateEffect> out;
+  if (campaign.runs.size() < 2) return out;
   for (const CandidateEffect& each : candidate_effects(model, experiments)) {
     const bool instrument = !each.is_number() && each.frees_what_is_declared();
     if (!each.is_number() && !instrument) continue;
@@ -167,9 +175,10 @@ std::vector<CandidateEffect> comparison_candidates(const physics::Model& model,
     // A load that is stated for each recording does not follow itself.
     if (path == "normal_load.load_n") continue;
     if (campaign.sharing_of(path).sharing != physics::Sharing::common) continue;
-    for (physics::SharedNumber& difference : differences_of(path, campaign)) {
-      // An instrument is another one in one run, and no function of what the rig undergoes.
-      if (instrument && difference.sharing != physics::Sharing::own) continue;
+    // An instrument is another one in one run, and no function of what the rig undergoes.
+    auto differences = instrument ? std::vector{physics::SharedNumber{path, physics::Sharing::own}}
+                                  : differences_of(path, campaign);
+    for (physics::SharedNumber& difference : differences) {
       out.push_back(each);
       out.back().shared = std::move(difference);
     }

@@ -54,7 +54,8 @@ std::vector<CandidateEffect> comparison_candidates(const physics::Model& model,
                                                    std::span<const Experiment> experiments,
                                                    const physics::Campaign& campaign);
 
-/// How a number that is common may differ between the recordings.
+/// How a number that is common may differ between the recordings: by itself in each, or with a
+/// condition; of two recordings, which a condition distinguishes, only the latter.
 std::vector<physics::SharedNumber> differences_of(const std::string& path,
                                                   const physics::Campaign& campaign);
 

@@ -197,18 +197,10 @@ bool Search::is_complete() {
          !is_implausible() && !listed_effect_remains();
 }
 
-void Search::add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
-                       const FittedCandidate& each, const HeldOut& before) {
-  Trial trial;
-  for (const CandidateEffect& effect : added) {
-    trial.id += (trial.id.empty() ? "" : " + ") + effect.name();
-    trial.ids.emplace_back(effect.effect->card().id);
-  }
-  trial.stage = static_cast<int>(stage);
-  trial.heldout_chi2 = each.held_out.chi2;
-  trial.gain_z = each.gain_z;
-  trial.gain = score_gain(before, each.held_out);
-  trials_.push_back(std::move(trial));
+void Search::add_trial(const FittedCandidate& each, std::size_t stage, const HeldOut& before) {
+  const CandidateEffect& effect = each.candidate;
+  trials_.push_back({effect.name(), std::string(effect.effect->card().id), static_cast<int>(stage),
+                     each.gain_z, score_gain(before, each.held_out)});
 }
 
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
@@ -223,7 +215,7 @@ void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   share_fit(candidates);
   if (data_.campaign) add_differences(candidates);
   for (const FittedCandidate& each : candidates) {
-    add_trial({each.candidate}, claims_.size(), each, current_.held_out);
+    add_trial(each, claims_.size(), current_.held_out);
   }
   rank_determined(candidates, data_, current_.held_out, seed());
 }
@@ -274,7 +266,7 @@ std::vector<FittedCandidate> Search::differing(const FittedCandidate& each) cons
   }
   std::vector<physics::SharedNumber> all = differences_of(path, *common.campaign());
   if (common.unknowns()[*unknown].logarithmic) {
-    for (std::size_t i = 1, n = all.size(); i < n; ++i) {
+    for (std::size_t i = 0, n = all.size(); i < n; ++i) {
       if (all[i].sharing != physics::Sharing::power) continue;
       all.push_back(all[i]);
       all.back().sharing = physics::Sharing::proportional;
@@ -430,7 +422,7 @@ void Search::add_listed_rivals(std::vector<FittedCandidate>& candidates) {
       data_, features_, current_, [](const std::string&, double) {}, is_new_rival);
   fit_and_score(data_, current_.held_out, more);
   for (const FittedCandidate& each : more) {
-    add_trial({each.candidate}, claims_.size(), each, current_.held_out);
+    add_trial(each, claims_.size(), current_.held_out);
   }
   candidates.insert(candidates.end(), more.begin(), more.end());
   restart_best(data_, *declared_.hypothesis, current_.held_out, candidates,
@@ -606,7 +598,7 @@ std::optional<std::pair<FittedCandidate, Claim>> Search::better_in_place_of(cons
   rank_determined(candidates, data_, base.held_out, seed());
   const FittedCandidate& best = candidates.front();
   for (const FittedCandidate& each : candidates) {
-    add_trial({each.candidate}, claims_.size() - 1, each, base.held_out);
+    add_trial(each, claims_.size() - 1, base.held_out);
   }
   if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
   FittedCandidate winner = best;

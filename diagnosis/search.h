@@ -5,7 +5,6 @@
 #pragma once
 
 #include <functional>
-#include <initializer_list>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,10 +20,9 @@ namespace stickslip::diagnosis {
 
 /// A candidate that was fitted on all windows, for the record.
 struct Trial {
-  std::string id;                ///< names of the effects that were added together
-  std::vector<std::string> ids;  ///< theirs in the catalogue
-  int stage = 0;                 ///< effects that the model already had beside the declared ones
-  double heldout_chi2 = 0.0;
+  std::string id;       ///< name of the effect
+  std::string effect;   ///< its id in the catalogue
+  int stage = 0;        ///< effects that the model already had beside the declared ones
   double gain_z = 0.0;  ///< mean held-out gain over windows, in its standard errors
   ScoreGain gain;       ///< over the model that it was added to
 };
@@ -129,8 +127,7 @@ class Search {
   bool add_contradicted_instrument();
   bool is_complete();
   bool listed_effect_remains();
-  void add_trial(std::initializer_list<CandidateEffect> added, std::size_t stage,
-                 const FittedCandidate& each, const HeldOut& before);
+  void add_trial(const FittedCandidate& each, std::size_t stage, const HeldOut& before);
   void add_differences(std::vector<FittedCandidate>& candidates) const;
   std::vector<FittedCandidate> differing(const FittedCandidate& each) const;
   void share_fit(std::vector<FittedCandidate>& candidates);

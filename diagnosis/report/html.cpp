@@ -306,12 +306,12 @@ Section noise_section(const Diagnosis& d) {
   return out;
 }
 
-// By stage, then by chi-squared.
+// By stage, then by gain.
 std::vector<const Trial*> sorted_trials(const Diagnosis& d) {
   std::vector<const Trial*> out;
   for (const Trial& trial : d.trials) out.push_back(&trial);
   std::stable_sort(out.begin(), out.end(), [](const Trial* a, const Trial* b) {
-    return std::pair(a->stage, a->heldout_chi2) < std::pair(b->stage, b->heldout_chi2);
+    return std::pair(a->stage, -a->gain.value) < std::pair(b->stage, -b->gain.value);
   });
   return out;
 }
@@ -322,19 +322,19 @@ Section trial_section(const Diagnosis& d) {
   out += paragraph(
       "Every effect of the catalogue, and every formula of the user, that the model could lack is "
       "screened, the best candidates "
-      "are fitted roughly, and the best of those fully. Among candidates of similar chi-squared "
-      "the simpler and the listed ones are preferred.");
+      "are fitted roughly, and the best of those fully. Among candidates of similar gain the "
+      "simpler and the listed ones are preferred.");
   Table table(
-      "Fully fitted candidates by chi-squared per sample on the selection windows (1: noise "
-      "only). Gain: "
-      "improvement of the prediction, in standard errors over the windows.",
-      {"candidate", "name", "added to", "chi-squared", "gain"});
+      "Fully fitted candidates by their score gain on the selection windows, with its standard "
+      "error, in the noise that was known at that stage. Significance: of the improvement, as a "
+      "number of standard deviations.",
+      {"candidate", "name", "added to", "gain [nat]", "significance"});
   for (const Trial* trial : sorted_trials(d)) {
     table.row({escape_html(trial_name(trial->id)), code(trial->id),
                trial->stage == 0
                    ? std::string("the declared model")
                    : std::to_string(trial->stage) + (trial->stage == 1 ? " finding" : " findings"),
-               format_number(trial->heldout_chi2),
+               format_number(trial->gain.value) + " \u00b1 " + format_number(trial->gain.se, 2),
                format_number(trial->gain_z, 2) +
                    (trial->gain_z < significant_gain_z ? ", not significant" : "")});
   }

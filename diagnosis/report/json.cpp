@@ -143,10 +143,8 @@ Json noise_json(const Diagnosis& diagnosis) {
 Json tried_json(const std::vector<Trial>& trials) {
   Json json = Json::array();
   for (const Trial& trial : trials) {
-    // The stage of a pair counts its first effect.
-    const int beside = trial.stage + 1 - static_cast<int>(trial.ids.size());
-    json.push_back({{"ids", trial.ids},
-                    {"beside", beside},
+    json.push_back({{"ids", Json::array({trial.effect})},
+                    {"beside", trial.stage},
                     {"score_gain", trial.gain.value},
                     {"se", trial.gain.se}});
   }

@@ -194,7 +194,7 @@ void add_detection_limits(std::ostringstream& text, const Detection& detection) 
 }
 
 void add_trials(std::ostringstream& text, const Diagnosis& d) {
-  text << "  Candidates fitted (chi-squared on the selection windows):";
+  text << "  Candidates fitted (score gain in nat on the selection windows):";
   int stage = 0;
   const char* before = " ";
   for (const Trial& trial : d.trials) {
@@ -202,7 +202,7 @@ void add_trials(std::ostringstream& text, const Diagnosis& d) {
       stage = trial.stage;
       before = " | then ";
     }
-    text << before << trial.id << " (" << number_text(trial.heldout_chi2) << ")";
+    text << before << trial.id << " (" << number_text(trial.gain.value) << ")";
     before = ", ";
   }
   text << "\n";

@@ -59,6 +59,10 @@ TEST(Campaign, GivesOneCoefficientAndPredictsALoadThatIsHeldOut) {
   ASSERT_EQ(got.findings.size(), 1U) << report::report_text(got);
   EXPECT_EQ(got.findings[0].effect->card().id, "dry_friction");
   EXPECT_EQ(got.findings[0].shared.sharing, Sharing::proportional) << report::report_text(got);
+  for (const Trial& each : got.trials) {
+    EXPECT_NE(each.id, "dry_friction in each recording")
+        << "of two recordings, that is the same as a value that follows the load";
+  }
   const Comparison* found = comparison_at(got, friction);
   ASSERT_NE(found, nullptr);
   ASSERT_TRUE(found->trend.has_value());

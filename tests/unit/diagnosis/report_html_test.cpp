@@ -122,8 +122,8 @@ Diagnosis with_a_finding() {
                    .low = 0.0606,
                    .high = 0.0618}};
   d.noise_std = {{Channel::displacement, 1.0e-5}};
-  d.trials = {{"cubic_stiffness", {"cubic_stiffness"}, 0, 1.02, 7.5, {}},
-              {"end_stop", {"end_stop"}, 0, 1.4, 5.0, {}}};
+  d.trials = {{"cubic_stiffness", "cubic_stiffness", 0, 7.5, {}},
+              {"end_stop", "end_stop", 0, 5.0, {}}};
   Integrity integrity;
   integrity.source = "run.csv";
   integrity.channels = {{.channel = Channel::displacement}};
