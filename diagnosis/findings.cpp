@@ -14,8 +14,6 @@ namespace stickslip::diagnosis {
 
 namespace {
 
-constexpr double half_width_95 = 1.96;  // standard deviations
-
 // An unknown that is a parameter of an effect, by its position on the effect's card.
 struct OwnUnknown {
   std::size_t unknown = 0;
@@ -33,11 +31,6 @@ std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
   return out;
 }
 
-// Standard deviation of an unknown from the fit, in z; 0 where the fit has no covariance.
-double deviation_of_fit(const FittedCandidate& each, std::size_t unknown) {
-  return each.fitted.half_width_95(unknown) / half_width_95;
-}
-
 // Standard deviation of a parameter from the accuracy of its effect's formula.
 double deviation_of_formula(const physics::ParameterCard& card, double value) {
   return card.formula_uncertainty * std::abs(value - card.neutral);
@@ -51,7 +44,7 @@ double deviation_of_formula(const FittedCandidate& each, const OwnUnknown& own) 
 // Of both together, in z.
 double standard_deviation(const FittedCandidate& each, const OwnUnknown& own) {
   const double slope = each.hypothesis->slope(own.unknown, each.fitted.z[own.unknown]);
-  return std::hypot(deviation_of_fit(each, own.unknown),
+  return std::hypot(each.fitted.standard_deviation(own.unknown),
                     deviation_of_formula(each, own) / std::max(std::abs(slope), 1.0e-300));
 }
 
@@ -94,8 +87,8 @@ Eigen::MatrixXd correlation_of(const FittedCandidate& each, const std::vector<Ow
       const auto u = static_cast<Eigen::Index>(own[a].unknown);
       const auto v = static_cast<Eigen::Index>(own[b].unknown);
       const double of_fit = covariance(u, v) / std::sqrt(covariance(u, u) * covariance(v, v));
-      correlation(i, j) = of_fit * deviation_of_fit(each, own[a].unknown) *
-                          deviation_of_fit(each, own[b].unknown) / (sigma[a] * sigma[b]);
+      correlation(i, j) = of_fit * each.fitted.standard_deviation(own[a].unknown) *
+                          each.fitted.standard_deviation(own[b].unknown) / (sigma[a] * sigma[b]);
     }
   }
   return correlation;
@@ -227,7 +220,7 @@ physics::Model posterior_model(const FittedCandidate& each) {
     const std::size_t index = hypothesis.unknowns()[u].parameter;
     physics::Parameter& parameter = *named[index].parameter;
     const double of_fit =
-        std::abs(hypothesis.slope(u, each.fitted.z[u])) * deviation_of_fit(each, u);
+        std::abs(hypothesis.slope(u, each.fitted.z[u])) * each.fitted.standard_deviation(u);
     const double sigma = std::hypot(of_fit, formula[index]);
     if (std::isfinite(sigma)) parameter.sigma = sigma;
   }

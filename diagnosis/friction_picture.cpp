@@ -76,8 +76,8 @@ FrictionPicture friction_picture(const FittedCandidate& declared, const FittedCa
   }
   std::vector<Curve> curves = {curve_of(out.mended)};
   add_bands(curves, correlation, [&](Eigen::Index i, double by) {
-    const double sigma = mended.fitted.half_width_95(unknowns[static_cast<std::size_t>(i)]) / 1.96;
-    const Model moved = model_of(mended, static_cast<std::size_t>(index(i)), by * sigma);
+    const std::size_t u = unknowns[static_cast<std::size_t>(i)];
+    const Model moved = model_of(mended, u, by * mended.fitted.standard_deviation(u));
     return std::vector<Curve>{curve_of(friction_cycle(moved, experiment))};
   });
   out.low_n = std::move(curves.front().low);

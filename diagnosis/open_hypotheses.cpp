@@ -13,14 +13,13 @@ namespace stickslip::diagnosis {
 namespace {
 
 constexpr std::size_t most_open = 5;
-constexpr double half_width_95 = 1.96;  // standard deviations
 // A parameter that the recordings leave open is varied within its plausible range, not by a normal
 // distribution that is no longer that of a linear problem [z].
 constexpr double widest_step = 1.0;
 
 // Standard deviation of an unknown after the fit, in z.
 double deviation_of(const FittedCandidate& each, std::size_t unknown) {
-  const double sigma = each.fitted.half_width_95(unknown) / half_width_95;
+  const double sigma = each.fitted.standard_deviation(unknown);
   return std::isfinite(sigma) ? std::min(sigma, widest_step) : 0.0;
 }
 

@@ -89,6 +89,9 @@ struct Fit {
   /// where the fit has no covariance.
   double half_width_95(std::size_t unknown) const;
 
+  /// Standard deviation of an unknown, in z, that belongs to this interval.
+  double standard_deviation(std::size_t unknown) const { return half_width_95(unknown) / 1.96; }
+
   /// False where no reading and no prior depends on the unknown: its interval is without meaning.
   bool is_determined(std::size_t unknown) const;
 };
