@@ -2,10 +2,10 @@
 // The loop of the daemon on a bench of emulated devices, in a thread of its own.
 #pragma once
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
-#include <functional>
+#include <atomic>
 #include <memory>
 #include <string>
 #include <thread>
@@ -17,6 +17,8 @@
 #include "drivers/driver.h"
 #include "tests/emulated/attach/emulated_bus.h"
 #include "tests/emulated/attach/host_watch.h"
+#include "tests/emulated/stepped_clock.h"
+#include "tests/emulated/wires.h"
 
 namespace stickslip::emulated {
 
@@ -66,15 +68,23 @@ class LoopOnABench {
   std::jthread thread_;
 };
 
-/// False after half a minute.
-inline bool eventually(const std::function<bool()>& holds) {
-  using std::chrono::steady_clock;
-  const auto until = steady_clock::now() + std::chrono::seconds(30);
-  while (!holds()) {
-    if (steady_clock::now() > until) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return true;
+/// A bench on which nothing moves.
+class Still final : public Wires {
+ public:
+  double truth(Channel, std::int64_t) override { return 1e-3; }
+  void drive(double, std::int64_t) override {}
+  void enable(bool on, std::int64_t) override { on_ = on; }
+  bool is_on() const { return on_; }
+
+ private:
+  std::atomic<bool> on_ = false;
+};
+
+/// The loop ends with an output that does not follow its command, and names it.
+inline void expect_output_differs(const LoopOnABench& loop, const std::string& part_of_cause) {
+  ASSERT_TRUE(eventually([&] { return loop.faulted(); }));
+  EXPECT_EQ(loop.now().interlock, daemon::Interlock::output_differs);
+  EXPECT_THAT(loop.cause(), testing::HasSubstr(part_of_cause));
 }
 
 }  // namespace stickslip::emulated

@@ -5,14 +5,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <atomic>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "tests/emulated/gpio/emulated_gpio.h"
+#include "tests/emulated/stepped_clock.h"
 
 namespace stickslip::emulated {
 namespace {
@@ -30,17 +29,6 @@ constexpr unsigned enable = 0;
 constexpr unsigned fault = 1;
 constexpr unsigned stop = 2;
 constexpr unsigned heartbeat = 5;
-
-/// A clock that is advanced by the test.
-class HandClock final : public drivers::HostClock {
- public:
-  std::int64_t now_ns() override { return now_; }
-  void sleep_until(std::int64_t due_ns) override { now_ = std::max(now_.load(), due_ns); }
-  void pass(std::int64_t ns) { now_ += ns; }
-
- private:
-  std::atomic<std::int64_t> now_{1000 * ms};
-};
 
 class AmplifierBench : public testing::Test {
  protected:
@@ -115,18 +103,9 @@ class AmplifierBench : public testing::Test {
     }));
     return before;
   }
-  template <typename Condition>
-  bool eventually(Condition condition) {
-    drivers::MonotonicHostClock real;
-    for (const std::int64_t end = real.now_ns() + 2000 * ms; real.now_ns() < end;) {
-      if (condition()) return true;
-      real.sleep_until(real.now_ns() + ms);
-    }
-    return condition();
-  }
 
   EmulatedGpio& gpio_ = emulated_gpio();
-  HandClock clock_;
+  SteppedClock clock_;
   config::Amplifier settings_;
   std::unique_ptr<Amplifier> amplifier_;
 };

@@ -20,6 +20,7 @@
 #include "drivers/labjack_u6/protocol.h"
 #include "tests/emulated/attach/emulated_libusb.h"
 #include "tests/emulated/labjack_u6/emulated_labjack_u6.h"
+#include "tests/emulated/stepped_clock.h"
 
 namespace stickslip::emulated {
 namespace {
@@ -95,17 +96,6 @@ config::BenchInputs inputs() {
   return out;
 }
 
-/// A clock that only the test advances: the load of the host has no part in what is measured by it.
-class SteppedClock final : public drivers::HostClock {
- public:
-  std::int64_t now_ns() override { return now_; }
-  void sleep_until(std::int64_t due_ns) override { now_ = std::max(now_.load(), due_ns); }
-  void pass(std::int64_t ns) { now_ += ns; }
-
- private:
-  std::atomic<std::int64_t> now_{1000 * ms};
-};
-
 template <class Clock>
 struct BenchOn {
   explicit BenchOn(std::uint64_t seed = 1, double rate_hz = 5000.0,
@@ -173,14 +163,6 @@ struct SteppedBench : BenchOn<SteppedClock> {
   bool is_idle() const {
     return bus.transfers_waiting() == standing_transfers && board.answers_taken() &&
            bus.transfers_waiting() == standing_transfers;
-  }
-  static bool eventually(const std::function<bool()>& holds) {
-    const auto end = steady_clock::now() + std::chrono::seconds(30);
-    while (!holds()) {
-      if (steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(std::chrono::microseconds(50));
-    }
-    return true;
   }
   /// The frames of a time, but for the last ones, in a transfer that is not full. The host empties
   /// the board's buffer in every millisecond.

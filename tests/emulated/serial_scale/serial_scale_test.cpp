@@ -17,6 +17,7 @@
 #include "drivers/bench/gauge_reader.h"
 #include "drivers/factory/make_bench.h"
 #include "tests/emulated/serial_scale/emulated_serial_scale.h"
+#include "tests/emulated/stepped_clock.h"
 
 namespace stickslip::emulated {
 namespace {
@@ -29,14 +30,6 @@ using testing::HasSubstr;
 
 constexpr std::int64_t ms = 1'000'000;
 constexpr double newton_per_kg = 9.80665;
-
-/// A clock set by the test.
-class ManualClock final : public drivers::HostClock {
- public:
-  std::int64_t now_ns() override { return time_ns; }
-  void sleep_until(std::int64_t due_ns) override { time_ns = std::max(time_ns, due_ns); }
-  std::int64_t time_ns = 1000 * ms;
-};
 
 /// Drops root privileges, with which any device can be opened, for its lifetime.
 class Unprivileged {
@@ -79,7 +72,7 @@ class SerialScaleBench : public testing::Test {
 
   std::filesystem::path folder_ = new_folder();
   EmulatedSerialScale scale_;
-  ManualClock clock_;
+  SteppedClock clock_;
   SerialScale gauge_{settings(), wired(), clock_};
   Reading reading_;
 };
@@ -110,7 +103,7 @@ TEST_F(SerialScaleBench, ReadingTimeIsTheStartOfItsLine) {
   scale_.write(line);
   ASSERT_EQ(read().outcome, Outcome::ok);
   const auto bits = static_cast<std::int64_t>(10 * line.size());
-  EXPECT_EQ(reading_.time_ns, clock_.time_ns - bits * 1'000'000'000 / 9600);
+  EXPECT_EQ(reading_.time_ns, clock_.now_ns() - bits * 1'000'000'000 / 9600);
 }
 
 TEST_F(SerialScaleBench, ReadingWithErrorStatusIsInvalid) {
@@ -173,16 +166,16 @@ TEST_F(SerialScaleBench, EndlessLineIsRejected) {
 TEST_F(SerialScaleBench, OmittedLineCountsAsMissing) {
   ASSERT_TRUE(gauge_.open());
   for (int i = 0; i < 10; ++i) {
-    clock_.time_ns += 100 * ms;
+    clock_.pass(100 * ms);
     scale_.write(scale_line('S', 1.0, "g"));
     ASSERT_EQ(read().outcome, Outcome::ok);
   }
   EXPECT_EQ(gauge_.losses().missing, 0U);
-  clock_.time_ns += 300 * ms;
+  clock_.pass(300 * ms);
   scale_.write(scale_line('S', 1.0, "g"));
   ASSERT_EQ(read().outcome, Outcome::ok);
   EXPECT_EQ(gauge_.losses().missing, 2U);
-  clock_.time_ns += 190 * ms;
+  clock_.pass(190 * ms);
   EXPECT_EQ(read().outcome, Outcome::no_data);
   EXPECT_EQ(gauge_.losses().missing, 3U);
 }
