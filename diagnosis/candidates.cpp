@@ -31,20 +31,13 @@ std::optional<Channel> driving_channel(const physics::Model& model) {
   return std::nullopt;
 }
 
-// The model with a load that is not constant, where it is another one in each recording: an effect
-// of the load then shows between them.
-std::optional<physics::Model> under_varied_loads(const physics::Model& model,
-                                                 const physics::Campaign& campaign) {
-  if (!model.normal_load || model.normal_load->law != physics::NormalLoadLaw::constant) {
-    return std::nullopt;
-  }
-  const auto conditions = campaign.varied_conditions();
-  if (std::find(conditions.begin(), conditions.end(), "load_n") == conditions.end()) {
-    return std::nullopt;
-  }
-  physics::Model out = model;
-  out.normal_load->law = physics::NormalLoadLaw::wedge;
-  return out;
+// Within a recording, or between those of a campaign.
+bool load_differs(const physics::Model& model, const physics::Campaign* campaign) {
+  if (!model.normal_load) return false;
+  if (model.normal_load->law != physics::NormalLoadLaw::constant) return true;
+  if (campaign == nullptr) return false;
+  const auto conditions = campaign->varied_conditions();
+  return std::find(conditions.begin(), conditions.end(), "load_n") != conditions.end();
 }
 
 }  // namespace
@@ -67,13 +60,12 @@ std::vector<CandidateEffect> candidate_effects(const physics::Model& model,
                                                std::span<const Experiment> experiments,
                                                const physics::Campaign* campaign) {
   std::vector<CandidateEffect> candidates;
-  const auto under_loads = campaign ? under_varied_loads(model, *campaign) : std::nullopt;
+  const bool varied_load = load_differs(model, campaign);
   const auto add = [&](const physics::Effect* effect, const physics::Place& place) {
-    const bool between = under_loads && effect->state_count() == 0 &&
-                         physics::can_be_missing(*effect, *under_loads, place);
-    if (!physics::can_be_missing(*effect, model, place) && !between) return;
-    candidates.push_back({effect, place});
     const physics::Card& card = effect->card();
+    if (!physics::can_be_missing(*effect, model, place)) return;
+    if (card.shows_by_load && !varied_load) return;
+    candidates.push_back({effect, place});
     if (!campaign || campaign->runs.size() < 2 || !card.episode || !card.strength) return;
     // It lasts in one recording: in the others its strength is another one, or none.
     candidates.back().shared = {physics::path_of(physics::term_of(*effect, place)) + "." +

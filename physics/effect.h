@@ -105,6 +105,8 @@ struct Card {
   bool law = false;
   /// Ids of the effects that a law has in it, which a model with that law cannot lack.
   std::span<const std::string_view> includes = {};
+  /// Shows only where the load differs, within a recording or between recordings.
+  bool shows_by_load = false;
 };
 
 /// A spectral line of what a model leaves unexplained: amplitude sin(2 pi f t + phase).

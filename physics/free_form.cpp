@@ -86,7 +86,8 @@ Card card_of(const FreeFormCard& card) {
               .rivals = {},
               .depends_on = std::span(variables).subspan(over, 1),
               .tier = Tier::free_form,
-              .example = examples[over]};
+              .example = examples[over],
+              .shows_by_load = card.over == FreeFormOver::load};
 }
 
 }  // namespace
@@ -100,8 +101,7 @@ bool FreeForm::can_be_missing_from(const Model& model) const {
       return model.oscillator.excitation != Excitation::imposed;
     case FreeFormOf::friction:
       return model.friction.law != FrictionLaw::none &&
-             (over_ != FreeFormOver::load ||
-              (model.normal_load.has_value() && model.normal_load->law != NormalLoadLaw::constant));
+             (over_ != FreeFormOver::load || model.normal_load.has_value());
     case FreeFormOf::load:
       return model.normal_load && model.normal_load->law != NormalLoadLaw::measured;
   }

@@ -42,6 +42,7 @@ constexpr Card entry = {
     .formula_residual = 0.007,
     .references = references,
     .example = example,
+    .shows_by_load = true,
 };
 
 class LoadDependentMu final : public EffectOf<LoadDependentMu> {
@@ -49,8 +50,7 @@ class LoadDependentMu final : public EffectOf<LoadDependentMu> {
   const Card& card() const override { return entry; }
 
   bool can_be_missing_from(const Model& model) const override {
-    return model.friction.law != FrictionLaw::none && model.normal_load &&
-           model.normal_load->law != NormalLoadLaw::constant;
+    return model.friction.law != FrictionLaw::none && model.normal_load.has_value();
   }
   std::vector<std::vector<double>> starts(const Scales& /*scales*/) const override {
     return {{0.0}};

@@ -36,12 +36,23 @@ std::vector<protocol::Recording> rubbing(const std::vector<double>& loads_n, dou
   return out;
 }
 
+/// With a coefficient of friction that is known within a third.
+physics::Model under_constant_load() {
+  physics::Model model = driven_mass();
+  model.normal_load.emplace().load_n = {1.5};
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {0.3, 0.1};
+  model.friction.transition_speed_m_s = {1.0e-3};
+  return model;
+}
+
 Diagnosis diagnosed(const std::vector<protocol::Recording>& recordings,
-                    const physics::Campaign& campaign) {
+                    const physics::Campaign& campaign,
+                    const physics::Model& declared = driven_mass()) {
   Options options;
   options.threads = 2;
   options.campaign = std::make_shared<physics::Campaign>(campaign);
-  return diagnose(recordings, driven_mass(), options);
+  return diagnose(recordings, declared, options);
 }
 
 const Comparison* comparison_at(const Diagnosis& diagnosis, const std::string& path) {
@@ -98,6 +109,23 @@ TEST(Campaign, NamesTheRecordingThatDisagreesWhereNoneDoesAlone) {
   ASSERT_NE(found, nullptr);
   EXPECT_FALSE(found->tenable);
   for (const OwnValue& each : found->own) EXPECT_EQ(each.disagrees, each.recording == 2);
+}
+
+// In each recording the load is constant, and nothing is missing.
+TEST(Campaign, NamesACoefficientThatDependsOnTheLoad) {
+  const std::vector<double> loads{1.0, 1.5, 2.5};
+  const physics::Model declared = under_constant_load();
+  std::vector<protocol::Recording> recordings;
+  for (const double load_n : loads) {
+    physics::Model truth = declared;
+    truth.normal_load->load_n.value = load_n;
+    truth.friction.mu.value *= std::pow(load_n / loads[1], -0.4);
+    recordings.push_back(record(truth, 8.0, recordings.size() + 1));
+  }
+  const Diagnosis got = diagnosed(recordings, under_loads(loads), declared);
+  ASSERT_EQ(got.findings.size(), 1U) << report::report_text(got);
+  EXPECT_EQ(got.findings[0].effect->card().id, "load_dependent_mu") << report::report_text(got);
+  EXPECT_NEAR(got.findings[0].parameters[0].value, -0.4, 0.1);
 }
 
 TEST(Campaign, ReportsTheSpreadOfANumberThatVaries) {
