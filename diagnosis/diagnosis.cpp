@@ -44,7 +44,7 @@ void take_means(const std::vector<Comparison>& comparisons, std::vector<Finding>
       }
       const std::string name = each.number.path.substr(each.number.path.rfind('.') + 1);
       for (Estimate& estimate : finding.parameters) {
-        if (estimate.name != name && !finding.candidate().is_number()) continue;
+        if (estimate.name != name && !finding.is_number()) continue;
         estimate.value = each.value;
         estimate.low = each.low;
         estimate.high = each.high;
@@ -160,7 +160,7 @@ Location location_of(const Search& search, const std::vector<Finding>& findings,
   const Hypothesis& declared = *search.declared().hypothesis;
   const auto by_balances = location_by(balances, declared.model());
   const auto relation = findings.empty() ? relation_without_findings(search, balances, by_balances)
-                                         : findings.front().candidate().relation();
+                                         : findings.front().relation();
   Location location =
       locate(measured, declared, residuals, relation, data.explained_chi2(), data.criteria);
   location.balances = balances;
@@ -174,7 +174,7 @@ Location location_of(const Search& search, const std::vector<Finding>& findings,
   if (first.when_s) location.when_s = {*first.when_s};
   const bool admitted =
       !by_balances || std::any_of(findings.begin(), findings.end(), [&](const Finding& each) {
-        return admits(*by_balances, balances, each.candidate().relation(), each.place.channel);
+        return admits(*by_balances, balances, each.relation(), each.place.channel);
       });
   if (!admitted) (location.statement += ' ') += contradiction_by(*by_balances, balances);
   return location;
@@ -182,7 +182,7 @@ Location location_of(const Search& search, const std::vector<Finding>& findings,
 
 bool has_friction(const std::vector<Finding>& findings) {
   return std::any_of(findings.begin(), findings.end(), [](const Finding& each) {
-    return each.candidate().relation() == physics::Relation::friction_law;
+    return each.relation() == physics::Relation::friction_law;
   });
 }
 

@@ -64,11 +64,7 @@ std::vector<double> formula_uncertainties(const Hypothesis& hypothesis,
 }
 
 Finding with_parameters(const FittedCandidate& each) {
-  Finding finding;
-  finding.effect = each.candidate.effect;
-  finding.place = each.candidate.place;
-  finding.parameter = each.candidate.parameter;
-  finding.shared = each.candidate.shared;
+  Finding finding{each.candidate};
   finding.parameters = estimates_of(each);
   finding.statement = statement_of(each);
   return finding;

@@ -31,29 +31,21 @@ struct Alternative {
   double probability = 0.0;
 };
 
-/// One missing effect.
-struct Finding {
-  const physics::Effect* effect = nullptr;
-  physics::Place place;
-  physics::SharedNumber shared = {};  ///< how it differs between the recordings of a campaign
-  std::string parameter = {};  ///< path of the declared number that is contradicted, or empty
-  std::string statement;
-  std::vector<Estimate> parameters;
-  std::optional<std::pair<double, double>> when_s;  ///< begin and end of an effect that ends
-  double probability = 0.0;                         ///< relative to the alternatives tried
-  std::vector<Alternative> alternatives;
-  std::optional<std::string> separating_experiment;
-  std::vector<Curve> shape;     ///< as fitted, over the range of the recording
-  std::vector<Curve> portrait;  ///< for the reader, with 95 % bands: see portrait_of
-  double chi2_before = 0.0;     ///< held-out, before this finding and with it
+/// A candidate that is claimed: one missing effect, or a declared number that is contradicted.
+struct Finding : CandidateEffect {
+  std::string statement = {};
+  std::vector<Estimate> parameters = {};
+  std::optional<std::pair<double, double>> when_s = {};  ///< begin and end of an effect that ends
+  double probability = 0.0;                              ///< relative to the alternatives tried
+  std::vector<Alternative> alternatives = {};
+  std::optional<std::string> separating_experiment = {};
+  std::vector<Curve> shape = {};     ///< as fitted, over the range of the recording
+  std::vector<Curve> portrait = {};  ///< for the reader, with 95 % bands: see portrait_of
+  double chi2_before = 0.0;          ///< held-out, before this finding and with it
   double chi2_after = 0.0;
-  ScoreGain gain;  ///< held-out, over the model without it
+  ScoreGain gain = {};  ///< held-out, over the model without it
   /// Alternatives that score better, which it was preferred to as the simpler or the listed one.
-  std::vector<CandidateEffect> preferred_over;
-
-  CandidateEffect candidate() const {
-    return {effect, place, parameter, physics::Relation::force_balance, shared};
-  }
+  std::vector<CandidateEffect> preferred_over = {};
 };
 
 std::vector<Finding> findings_of(const Search& search, double horizon_s);

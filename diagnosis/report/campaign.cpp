@@ -23,7 +23,7 @@ using Json = nlohmann::ordered_json;
 // The finding that a number belongs to.
 std::optional<std::size_t> finding_of(const Diagnosis& d, const Comparison& comparison) {
   for (std::size_t i = 0; i < d.findings.size(); ++i) {
-    const CandidateEffect candidate = d.findings[i].candidate();
+    const CandidateEffect candidate = d.findings[i];
     std::string path = "physics." + std::string(candidate.effect->card().id) + ".";
     if (candidate.place.channel) path += std::string(info(*candidate.place.channel).stem) + ".";
     const bool is_number = candidate.is_number() && candidate.parameter == comparison.number.path;

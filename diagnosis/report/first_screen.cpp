@@ -68,7 +68,7 @@ std::string where_answer(const Diagnosis& d) {
 
 // The trial in which the finding was fitted alone, or nullptr.
 const Trial* trial_of(const Diagnosis& d, const Finding& finding) {
-  const std::string name = finding.candidate().name();
+  const std::string name = finding.name();
   for (const Trial& trial : d.trials) {
     if (trial.id == name) return &trial;
   }
@@ -86,7 +86,7 @@ std::string probability_of(const Diagnosis& d, const Finding& finding) {
                             "<b>" + escape_html(format_percent(probability)) + "</b>");
   };
   const std::size_t named = has_rival(finding) ? 1 : 0;
-  std::string out = "<p>Likely missing: " + explanation(finding.candidate(), finding.probability);
+  std::string out = "<p>Likely missing: " + explanation(finding, finding.probability);
   if (named == 1) {
     const Alternative& rival = finding.alternatives.front();
     out += " or " + explanation(rival.candidate, rival.probability);

@@ -51,7 +51,7 @@ const char* count_word(std::size_t count) {
 std::string number_of_effects(const Diagnosis& d) {
   const bool instrument =
       std::all_of(d.findings.begin(), d.findings.end(), [](const Finding& finding) {
-        const physics::Relation relation = finding.candidate().relation();
+        const physics::Relation relation = finding.relation();
         return relation == physics::Relation::sensor || relation == physics::Relation::kinematics;
       });
   return std::string(count_word(d.findings.size())) + (instrument ? " instrument" : " physical") +
@@ -61,8 +61,7 @@ std::string number_of_effects(const Diagnosis& d) {
 std::string findings_text(const Diagnosis& d) {
   std::vector<std::string> names;
   for (const Finding& finding : d.findings) {
-    names.push_back(has_rival(finding) ? explanations_text(finding)
-                                       : effect_name(finding.candidate()));
+    names.push_back(has_rival(finding) ? explanations_text(finding) : effect_name(finding));
   }
   // "and" beside "or" would leave open what belongs together.
   if (!std::any_of(d.findings.begin(), d.findings.end(), has_rival)) return enumeration(names);
@@ -135,8 +134,7 @@ Answer answer_of(const Diagnosis& d) {
 }
 
 std::string explanations_text(const Finding& finding) {
-  std::string out =
-      with_probability(effect_name(finding.candidate()), format_percent(finding.probability));
+  std::string out = with_probability(effect_name(finding), format_percent(finding.probability));
   if (!has_rival(finding)) return out;
   const Alternative& other = finding.alternatives.front();
   return out + " or " +

@@ -61,7 +61,7 @@ std::string alternative_table(const Finding& finding) {
                escape_html(format_percent(probability)),
                "<div class=\"bar\">" + bar(probability) + "</div>"});
   };
-  row(finding.candidate(), finding.probability);
+  row(finding, finding.probability);
   for (const Alternative& each : finding.alternatives) row(each.candidate, each.probability);
   return table.html();
 }
@@ -73,9 +73,8 @@ Section findings_section(const Diagnosis& d) {
   out += friction_figures(d);
   for (const Finding& finding : d.findings) {
     const physics::Card& card = finding.effect->card();
-    out += "<h3>" + std::to_string(++number) + ". " +
-           escape_html(effect_name(finding.candidate())) + "</h3>\n" +
-           paragraph(plain_text(finding.statement));
+    out += "<h3>" + std::to_string(++number) + ". " + escape_html(effect_name(finding)) +
+           "</h3>\n" + paragraph(plain_text(finding.statement));
     out += paragraph(std::string(card.sentence), "soft");
     out += "<p>Equation: " + code(card.equation) + "</p>\n";
     if (finding.when_s) {

@@ -72,7 +72,7 @@ Json finding_json(const Finding& finding) {
         {"condition",
          finding.shared.condition.empty() ? Json(nullptr) : Json(finding.shared.condition)}};
   }
-  json["relation"] = physics::name_of(finding.candidate().relation());
+  json["relation"] = physics::name_of(finding.relation());
   json["channel"] = finding.place.channel ? Json(info(*finding.place.channel).stem) : Json(nullptr);
   json["statement"] = finding.statement;
   json["equation"] = card.equation;

@@ -88,7 +88,7 @@ void add_preference(std::ostringstream& text, const Finding& finding) {
 }
 
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
-  text << "  " << number << ". " << id_of(finding.candidate()) << ": " << finding.statement << "\n";
+  text << "  " << number << ". " << id_of(finding) << ": " << finding.statement << "\n";
   for (const Estimate& estimate : finding.parameters) {
     text << "       " << estimate.name << " = " << number_text(estimate.value)
          << "  (95 %: " << range_text(estimate) << formula_text(estimate) << ")\n";

@@ -63,7 +63,7 @@ Step answered(Step step, const diagnosis::Diagnosis& result) {
   step.least_probability = 1.0;
   step.findings.clear();
   for (const diagnosis::Finding& finding : result.findings) {
-    step.findings.push_back(finding.candidate().name());
+    step.findings.push_back(finding.name());
     step.least_probability = std::min(step.least_probability, finding.probability);
   }
   step.standing.clear();

@@ -606,7 +606,7 @@ Diagnosis of_a_campaign() {
   Finding& finding = d.findings.front();
   finding.shared = {"physics.cubic_stiffness.k3_n_m3", physics::Sharing::proportional, "load_n"};
   Alternative& other = finding.alternatives.front();
-  other.candidate = finding.candidate();
+  other.candidate = finding;
   other.candidate.shared.sharing = physics::Sharing::power;
   d.campaign.emplace();
   d.campaign->campaign.runs = {{"light", {}, {}, {}}, {"heavy", {}, {}, {}}, {"other", {}, {}, {}}};

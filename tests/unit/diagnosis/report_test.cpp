@@ -7,6 +7,7 @@
 #include "diagnosis/report/json.h"
 #include "diagnosis/report/text.h"
 #include "physics/catalogue.h"
+#include "physics/declared_value.h"
 
 namespace stickslip::report {
 
@@ -123,6 +124,15 @@ TEST(ReportJson, HasTheFindingWithItsIntervalAndAlternatives) {
   EXPECT_EQ(finding["alternatives"][0]["id"], "bias_force");
   EXPECT_EQ(finding["separating_experiment"], "push it both ways");
   EXPECT_EQ(json["fit"]["heldout"]["augmented"]["chi2_per_sample"], 1.0);
+}
+
+TEST(ReportJson, HasTheRelationThatADeclaredNumberEnters) {
+  Diagnosis d = ambiguous();
+  Finding& finding = d.findings.front();
+  finding.effect = &physics::declared_value();
+  finding.parameter = "friction.mu";
+  finding.number_enters = physics::Relation::friction_law;
+  EXPECT_EQ(report_json(d, provenance())["findings"][0]["relation"], "friction_law");
 }
 
 TEST(ReportJson, SeparatesTheFitFromTheFormulaAndTheScoreFromThePreference) {
