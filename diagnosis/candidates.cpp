@@ -180,6 +180,10 @@ std::vector<CandidateEffect> comparison_candidates(const physics::Model& model,
 
 physics::Tier tier_of(const CandidateEffect& candidate) { return candidate.effect->card().tier; }
 
+double formula_residual(const CandidateEffect& candidate) {
+  return candidate.is_number() ? 0.0 : candidate.effect->card().formula_residual;
+}
+
 std::size_t strength_in(const physics::Card& card, std::size_t size) {
   const std::size_t strength = card.strength.value();
   if (size == card.parameters.size()) return strength;

@@ -61,6 +61,9 @@ std::vector<physics::SharedNumber> differences_of(const std::string& path,
 
 physics::Tier tier_of(const CandidateEffect& candidate);
 
+/// Share of what the candidate explains that its formula may leave (physics::Card).
+double formula_residual(const CandidateEffect& candidate);
+
 /// Position of the strength of an effect that has one, in a start of `size` numbers: some leave out
 /// the parameters with a default.
 std::size_t strength_in(const physics::Card& card, std::size_t size);

@@ -37,7 +37,6 @@ constexpr std::array shares_and_levels = {
     Limits{"undetermined_log_std", &Criteria::undetermined_log_std, 0.0, unlimited},
     Limits{"noise_floor_chi2", &Criteria::noise_floor_chi2, 1.0, unlimited},
     Limits{"distant_calibration", &Criteria::distant_calibration, 0.0, unlimited},
-    Limits{"lower_tier_gain_share", &Criteria::lower_tier_gain_share, 0.0, 1.0},
     Limits{"preference_errors", &Criteria::preference_errors, 0.0, 10.0},
     Limits{"unlisted_complexity", &Criteria::unlisted_complexity, 0.0, unlimited},
     Limits{"contradiction_complexity", &Criteria::contradiction_complexity, 0.0, unlimited},

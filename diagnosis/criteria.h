@@ -51,7 +51,7 @@ struct Criteria {
   double explained_chi2_estimated_noise = 3.0;
   /// Share that is negligible, since no model of a real machine is exact: of the excess chi-squared
   /// (above 1), which findings may leave and still explain the recording; of what an effect gains
-  /// in some windows, which it may lose in others.
+  /// in some windows, which it may lose in others; of a gain, by which a simpler effect is behind.
   double negligible_share = 0.1;
   /// Prior penalty [nat] of the calibrated parameters (half the sum of squares of their distances
   /// from the declared values in standard deviations) above which the calibration is implausible.
@@ -87,11 +87,10 @@ struct Criteria {
   double distant_calibration = 2.0;
 
   // --- Which of several effects is preferred ---------------------------------------------------
-  /// A listed effect is preferred to a formula, a formula to a drawn shape, where it gains this
-  /// share of what the other gains: a shape that bends anywhere imitates most other effects.
-  double lower_tier_gain_share = 0.85;
   /// A simpler effect is preferred to one that scores better by fewer standard errors than this,
-  /// and by no more than the share above leaves: what has more parameters or states imitates it.
+  /// and by no more than `negligible_share` of the gain: what has more parameters or states
+  /// imitates it. A listed effect is preferred to a formula, a formula to a drawn shape, where it
+  /// is behind by no more than chance or than what its formula may leave (Card::formula_residual).
   double preference_errors = 2.0;
   /// Complexity [nat] added for an effect that the catalogue does not list.
   double unlisted_complexity = 3.0;

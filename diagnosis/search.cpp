@@ -19,12 +19,6 @@ using physics::Tier;
 
 namespace {
 
-// Share of what the effect explains that its formula may leave.
-double formula_residual(const CandidateEffect& candidate) {
-  if (candidate.is_number() || tier_of(candidate) == Tier::free_form) return 0.0;
-  return candidate.effect->card().formula_residual;
-}
-
 bool is_listed_effect(const CandidateEffect& each) {
   return !each.is_number() && tier_of(each) == Tier::listed;
 }
@@ -169,16 +163,26 @@ const Detection& Search::detection() {
   return *detection_;
 }
 
-// Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones, of which
-// one may be left out: what the formulas of those may leave.
-double Search::least_gain(std::optional<std::size_t> without) const {
+// Decrease of chi-squared per sample that an effect has to exceed beside the claimed ones: what the
+// formulas of those may leave.
+double Search::least_gain() const {
+  double left = 0.0;
+  for (const Claim& each : claims_) left += each.taken() * formula_residual(each.candidate);
+  return left;
+}
+
+// The same for a claimed effect beside the others. These take all that is explained without it, in
+// whichever order they were claimed.
+double Search::least_gain(const Rest& rest) const {
+  double taken = 0.0;
   double left = 0.0;
   for (std::size_t i = 0; i < claims_.size(); ++i) {
-    if (i == without) continue;
-    const double taken = std::max(0.0, claims_[i].before.chi2 - claims_[i].after.chi2);
-    left += taken * formula_residual(claims_[i].candidate);
+    if (i == rest.dropped) continue;
+    taken += claims_[i].taken();
+    left += claims_[i].taken() * formula_residual(claims_[i].candidate);
   }
-  return left;
+  if (taken == 0.0) return 0.0;
+  return left / taken * std::max(0.0, claims_.front().before.chi2 - rest.fitted.held_out.chi2);
 }
 
 // True if what is left shows a listed effect beyond chance and beyond what formulas may leave.
@@ -383,7 +387,7 @@ bool Search::add_effect_beside_current() {
   std::vector<FittedCandidate> candidates = finalists_beside(current_, features_);
   if (candidates.empty()) return false;
   fit_finalists(candidates);
-  add_listed_rivals(candidates);
+  add_rivals_of_lower_tier(candidates);
   if (!claims_.empty()) prefer_listed(candidates);
   const FittedCandidate& best = candidates.front();
   if (!relation_) relation_ = best.candidate.relation();
@@ -406,13 +410,14 @@ bool Search::add_effect_beside_current() {
 }
 
 // Before unlisted physics is claimed, the listed effects of its relation have a search of their
-// own, and the best of them begin anew: a shape has no local minima, and takes their place where a
-// first step in chaotic motion has led nowhere.
-void Search::add_listed_rivals(std::vector<FittedCandidate>& candidates) {
+// own, before a drawn shape the formulas, too, and the best of them begin anew: a shape has no
+// local minima, and takes their place where a first step in chaotic motion has led nowhere.
+void Search::add_rivals_of_lower_tier(std::vector<FittedCandidate>& candidates) {
   const FittedCandidate& best = candidates.front();
-  if (tier_of(best.candidate) == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
-  const auto is_rival = [relation = best.candidate.relation()](const CandidateEffect& each) {
-    return is_listed_effect(each) && each.relation() == relation;
+  const Tier tier = tier_of(best.candidate);
+  if (tier == Tier::listed || !is_gain(current_.held_out, best.held_out)) return;
+  const auto is_rival = [tier, relation = best.candidate.relation()](const CandidateEffect& each) {
+    return !each.is_number() && tier_of(each) < tier && each.relation() == relation;
   };
   const auto is_new_rival = [&](const CandidateEffect& each) {
     return is_rival(each) &&
@@ -601,6 +606,8 @@ std::optional<std::pair<FittedCandidate, Claim>> Search::better_in_place_of(cons
     add_trial(each, claims_.size() - 1, base.held_out);
   }
   if (!is_gain(current_.held_out, best.held_out)) return std::nullopt;
+  // Where the others do as well alone, the claimed effect is dropped, and nothing takes its place.
+  if (!is_gain(base.held_out, best.held_out, least_gain(rest))) return std::nullopt;
   FittedCandidate winner = best;
   Claim claim{best.candidate, std::move(candidates), stage_of(base), stage_of(winner),
               score_gain(base.held_out, winner.held_out)};
@@ -648,7 +655,7 @@ bool Search::drop_effect(IsNeeded is_needed) {
   report("dropping redundant effects", 0.9);
   for (const Rest& each : rests()) {
     const auto is_kept = [&](const FittedCandidate& rest) {
-      return (this->*is_needed)(rest.held_out, current_.held_out, least_gain(each.dropped)) ||
+      return (this->*is_needed)(rest.held_out, current_.held_out, least_gain(each)) ||
              (claims_[each.dropped].candidate.is_number() && is_contradiction(rest.held_out));
     };
     // An effect that is needed beside free instruments is needed all the more where they are held.

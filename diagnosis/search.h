@@ -4,6 +4,7 @@
 // those that the rest does not need.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <optional>
 #include <string>
@@ -41,6 +42,9 @@ struct Claim {
   SearchStage before;
   SearchStage after;
   ScoreGain gain;  ///< held-out, over the model that it was added to
+
+  /// Decrease of chi-squared per sample.
+  double taken() const { return std::max(0.0, before.chi2 - after.chi2); }
 };
 
 class Search {
@@ -74,9 +78,16 @@ class Search {
   const Detection& detection();
 
  private:
+  // The fit of all claims but one.
+  struct Rest {
+    std::size_t dropped = 0;
+    FittedCandidate fitted;
+  };
+
   void report(const std::string& step, double share) const;
   std::uint64_t seed() const { return data_.seed + claims_.size(); }
-  double least_gain(std::optional<std::size_t> without = {}) const;
+  double least_gain() const;
+  double least_gain(const Rest& rest) const;
   bool is_gain(const HeldOut& before, const HeldOut& after, double least_chi2) const {
     return diagnosis::is_gain(before, after, data_.noise_is_known, data_.criteria, least_chi2);
   }
@@ -118,7 +129,7 @@ class Search {
   bool add_contradicted_number(std::vector<FittedCandidate> candidates);
   bool is_contradicted(const FittedCandidate& each) const;
   bool add_effect_beside_current();
-  void add_listed_rivals(std::vector<FittedCandidate>& candidates);
+  void add_rivals_of_lower_tier(std::vector<FittedCandidate>& candidates);
   std::optional<FittedCandidate> paired(const FittedCandidate& first,
                                         const FittedCandidate& second) const;
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
@@ -135,11 +146,6 @@ class Search {
   void fit_finalists(std::vector<FittedCandidate>& candidates);
   bool is_needless(const FittedCandidate& best) const;
 
-  // The fit of all claims but one.
-  struct Rest {
-    std::size_t dropped = 0;
-    FittedCandidate fitted;
-  };
   const std::vector<Rest>& rests();
   bool swap_effect();
   std::optional<std::pair<FittedCandidate, Claim>> better_in_place_of(const Rest& rest);

@@ -64,19 +64,19 @@ std::size_t simplest(const std::vector<FittedCandidate>& candidates, double gain
   return chosen;
 }
 
-// Index of the candidate of a lower tier that is preferred to the chosen one: because it gains
-// nearly as much, or, where the chosen one does not explain the recording either, because it gains
-// at all.
+// Index of the candidate of a lower tier that is preferred to the chosen one: because it is behind
+// by no more than chance or than what its formula may leave, or, where the chosen one does not
+// explain the recording either, because it gains at all.
 std::size_t lower_tier(const std::vector<FittedCandidate>& candidates, std::size_t chosen,
                        const SearchData& data, const HeldOut& current, double gain) {
   const Criteria& criteria = data.criteria;
   const double best = candidates.front().total_loss();
-  const double enough = current.total_loss() - criteria.lower_tier_gain_share * gain;
   const bool explained = candidates[chosen].held_out.chi2 <= data.explained_chi2();
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     const FittedCandidate& each = candidates[k];
     if (tier_of(each.candidate) >= tier_of(candidates[chosen].candidate)) continue;
-    const bool nearly = each.total_loss() < std::max(enough, best + criteria.claim_nats());
+    const double behind = std::max(criteria.claim_nats(), formula_residual(each.candidate) * gain);
+    const bool nearly = each.total_loss() < best + behind;
     // A number is no physics of its own: it displaces a formula by what it explains alone.
     const bool may_explain_part = !explained && !each.candidate.is_number();
     if (nearly || (may_explain_part &&
@@ -107,8 +107,7 @@ bool is_preferred(const FittedCandidate& simple, const FittedCandidate& best, do
                   const Criteria& criteria) {
   const double behind = simple.total_loss() - best.total_loss();
   const double error = score_gain(simple.held_out, best.held_out).se;
-  return behind < criteria.preference_errors * error &&
-         behind < (1.0 - criteria.lower_tier_gain_share) * gain;
+  return behind < criteria.preference_errors * error && behind < criteria.negligible_share * gain;
 }
 
 void rank(std::vector<FittedCandidate>& candidates, const SearchData& data, const HeldOut& current,

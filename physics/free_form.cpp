@@ -85,6 +85,7 @@ Card card_of(const FreeFormCard& card) {
               .experiment = card.experiment,
               .rivals = {},
               .depends_on = std::span(variables).subspan(over, 1),
+              .formula_residual = 0.1,
               .tier = Tier::free_form,
               .example = examples[over],
               .shows_by_load = card.over == FreeFormOver::load};

@@ -3,7 +3,8 @@
 // effect is fitted to recordings of another simulator, whose forms differ (a bristle for a
 // compliant contact, five Iwan elements for a hysteresis). What the parameters are off by beyond
 // their intervals is ParameterCard::formula_uncertainty, and what the fit leaves is
-// Card::formula_residual.
+// Card::formula_residual. For physics that the catalogue does not list it is the shape drawn over
+// the quantity that the physics depends on.
 //
 //   formula_table [--count N] [--seed S] [--duration T] [--effect ID]... [--csv FILE] [--jobs N]
 #include <CLI/CLI.hpp>
@@ -67,6 +68,18 @@ std::optional<Deviation> deviation_of(const diagnosis::Estimate& estimate,
   return Deviation{error, (estimate.high - estimate.low) / 3.92 / std::abs(distance)};
 }
 
+bool is_same(const diagnosis::CandidateEffect& each, const TrueEffect& truth) {
+  return each.effect->card().id == truth.id &&
+         (!truth.channel || each.place.channel == truth.channel);
+}
+
+bool is_shape_for(const diagnosis::CandidateEffect& each, const TrueEffect& truth) {
+  const physics::Card& card = each.effect->card();
+  return card.tier == physics::Tier::free_form &&
+         physics::name_of(card.relation) == truth.relations.front() &&
+         std::ranges::equal(card.depends_on, truth.depends_on);
+}
+
 // The declared model with the hidden effect, fitted as a diagnosis would.
 FormulaFit fitted(const concealment::Case& hidden, std::uint64_t seed) {
   const TrueEffect& truth = hidden.truth.effects.front();
@@ -81,8 +94,8 @@ FormulaFit fitted(const concealment::Case& hidden, std::uint64_t seed) {
   const diagnosis::ResidualFeatures features =
       diagnosis::residual_features(data.train, *declared.hypothesis, declared.fitted);
   const auto is_hidden = [&truth](const diagnosis::CandidateEffect& each) {
-    return !each.is_number() && each.effect->card().id == truth.id &&
-           (!truth.channel || each.place.channel == truth.channel);
+    return !each.is_number() &&
+           (truth.depends_on.empty() ? is_same(each, truth) : is_shape_for(each, truth));
   };
   std::vector<diagnosis::FittedCandidate> found = diagnosis::finalists(
       data, features, declared, [](const std::string&, double) {}, is_hidden);
@@ -112,7 +125,9 @@ FormulaFit fitted(const concealment::Case& hidden, std::uint64_t seed) {
 // Recording i of an effect depends on the seed and i only.
 FormulaFit evaluated(const Options& options, const std::string& effect, std::size_t i) {
   concealment::CaseRequest request;
-  request.kind = concealment::CaseRequest::Kind::single;
+  request.kind = concealment::find_hidden_effect(effect)->listed
+                     ? concealment::CaseRequest::Kind::single
+                     : concealment::CaseRequest::Kind::unlisted;
   request.ids = {effect};
   request.duration_s = options.duration_s;
   const std::uint64_t seed = options.seed + i;
@@ -151,6 +166,10 @@ void print_row(const std::string& effect, const std::vector<FormulaFit>& fits) {
     return left.empty() ? 0.0
                         : left[static_cast<std::size_t>(at * static_cast<double>(left.size() - 1))];
   };
+  if (by_parameter.empty()) {
+    std::printf("| `%s` | | %zu | | | | %.2g | %.2g |\n", effect.c_str(), left.size(),
+                100.0 * share(0.5), 100.0 * share(0.9));
+  }
   for (const auto& [name, all] : by_parameter) {
     const double excess = root_mean_excess(all);
     std::printf("| `%s` | `%s` | %zu | %.2f | %.0f | %.0f | %.2g | %.2g |\n", effect.c_str(),
@@ -168,7 +187,10 @@ void write_rows(std::ofstream& csv, const std::string& effect,
           << name << ',' << deviation.error << ',' << deviation.sigma << ',' << each.explained
           << ',' << each.left << '\n';
     }
-    if (each.parameters.empty()) csv << effect << ',' << each.name << ",\"" << each.form << "\"\n";
+    if (each.parameters.empty()) {
+      csv << effect << ',' << each.name << ",\"" << each.form << "\"," << each.claimed << ",,,,"
+          << each.explained << ',' << each.left << '\n';
+    }
   }
   csv.flush();
 }
@@ -191,10 +213,10 @@ void run(const Options& options) {
   }
 }
 
-std::vector<std::string> listed_effects() {
+std::vector<std::string> effects() {
   std::vector<std::string> out;
   for (const concealment::HiddenEffect& each : concealment::hidden_effects()) {
-    if (each.listed) out.emplace_back(each.id);
+    out.emplace_back(each.id);
   }
   return out;
 }
@@ -204,7 +226,7 @@ std::vector<std::string> listed_effects() {
 
 int main(int argc, char** argv) {
   stickslip::Options options;
-  options.effects = stickslip::listed_effects();
+  options.effects = stickslip::effects();
   CLI::App app(
       "Errors of the catalogue's formulas on concealed recordings, as a table in Markdown.");
   app.add_option("--count", options.count, "recordings of each effect")
