@@ -41,7 +41,7 @@ struct Finding : CandidateEffect {
   std::optional<std::string> separating_experiment = {};
   std::vector<Curve> shape = {};     ///< as fitted, over the range of the recording
   std::vector<Curve> portrait = {};  ///< for the reader, with 95 % bands: see portrait_of
-  double chi2_before = 0.0;          ///< held-out, before this finding and with it
+  double chi2_before = 0.0;          ///< held-out, without this finding and with it
   double chi2_after = 0.0;
   ScoreGain gain = {};  ///< held-out, over the model without it
   /// Alternatives that score better, which it was preferred to as the simpler or the listed one.

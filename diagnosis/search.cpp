@@ -52,7 +52,31 @@ void Search::run(const physics::Model& model) {
   // Effects that were claimed one by one have to explain the recording together.
   while (!is_explained() && drop_effect(&Search::is_major_gain)) {
   }
+  compare_beside_the_others();
   if (data_.campaign && !claims_.empty()) estimate_spreads(data_, current_);
+}
+
+// When an effect is claimed, others are still missing, and alternatives stand in for those: what
+// each is compared with in the end are the models without it and with an alternative in its place.
+void Search::compare_beside_the_others() {
+  if (claims_.size() < 2) return;
+  for (const Rest& rest : rests()) {
+    report("comparing alternatives", 0.95);
+    Claim& claim = claims_[rest.dropped];
+    const auto weight = probabilities(claim.rivals, data_.criteria, seed());
+    std::vector<FittedCandidate> alternatives;
+    for (std::size_t k = 1; k < weight.size(); ++k) {
+      if (weight[k] < data_.criteria.least_alternative_probability) continue;
+      auto other = paired(rest.fitted, claim.rivals[k]);
+      if (other) alternatives.push_back(*std::move(other));
+    }
+    fit_and_score(data_, rest.fitted.held_out, alternatives);
+    FittedCandidate own = current_;
+    own.candidate = claim.candidate;
+    alternatives.insert(alternatives.begin(), std::move(own));
+    claim = {claim.candidate, std::move(alternatives), stage_of(rest.fitted), stage_of(current_),
+             score_gain(rest.fitted.held_out, current_.held_out)};
+  }
 }
 
 void Search::extend() {

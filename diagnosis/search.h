@@ -35,13 +35,14 @@ struct SearchStage {
   double chi2 = 0.0;  ///< per sample
 };
 
-/// An effect that was claimed, with the candidates that it was chosen from (itself first).
+/// An effect that was claimed, with the candidates that it was chosen from (itself first); in the
+/// end, of several effects, with those that could take its place beside the others.
 struct Claim {
   CandidateEffect candidate;
   std::vector<FittedCandidate> rivals;
   SearchStage before;
   SearchStage after;
-  ScoreGain gain;  ///< held-out, over the model that it was added to
+  ScoreGain gain;  ///< held-out, over the model without it
 
   /// Decrease of chi-squared per sample.
   double taken() const { return std::max(0.0, before.chi2 - after.chi2); }
@@ -147,6 +148,7 @@ class Search {
   bool is_needless(const FittedCandidate& best) const;
 
   const std::vector<Rest>& rests();
+  void compare_beside_the_others();
   bool swap_effect();
   std::optional<std::pair<FittedCandidate, Claim>> better_in_place_of(const Rest& rest);
   bool is_contradiction(const HeldOut& without_number) const;

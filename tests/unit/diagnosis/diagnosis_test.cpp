@@ -348,7 +348,11 @@ TEST(Diagnosis, FindsAWeakEffectBesideAStrongHysteresis) {
       "quadratic_drag", {{"drag_n_s2_m2", {0.15}}});
   const Diagnosis got = diagnosed(truth);
   std::vector<std::string> ids;
-  for (const Finding& finding : got.findings) ids.emplace_back(finding.effect->card().id);
+  for (const Finding& finding : got.findings) {
+    ids.emplace_back(finding.effect->card().id);
+    EXPECT_EQ(finding.chi2_after, got.findings.back().chi2_after) << "beside the other";
+    EXPECT_GT(finding.probability, 0.5) << report_text(got);
+  }
   EXPECT_THAT(ids, testing::UnorderedElementsAre("hysteresis", "quadratic_drag"))
       << report_text(got);
   for (const DetectionLimit& each : got.detection.limits) {
