@@ -63,19 +63,20 @@ void Search::compare_beside_the_others() {
   for (const Rest& rest : rests()) {
     report("comparing alternatives", 0.95);
     Claim& claim = claims_[rest.dropped];
+    const FittedCandidate base = with_instruments_held(rest.fitted).value_or(rest.fitted);
     const auto weight = probabilities(claim.rivals, data_.criteria, seed());
     std::vector<FittedCandidate> alternatives;
     for (std::size_t k = 1; k < weight.size(); ++k) {
       if (weight[k] < data_.criteria.least_alternative_probability) continue;
-      auto other = paired(rest.fitted, claim.rivals[k]);
+      auto other = paired(base, claim.rivals[k]);
       if (other) alternatives.push_back(*std::move(other));
     }
-    fit_and_score(data_, rest.fitted.held_out, alternatives);
+    fit_and_score(data_, base.held_out, alternatives);
     FittedCandidate own = current_;
     own.candidate = claim.candidate;
     alternatives.insert(alternatives.begin(), std::move(own));
-    claim = {claim.candidate, std::move(alternatives), stage_of(rest.fitted), stage_of(current_),
-             score_gain(rest.fitted.held_out, current_.held_out)};
+    claim = {claim.candidate, std::move(alternatives), stage_of(base), stage_of(current_),
+             score_gain(base.held_out, current_.held_out)};
   }
 }
 

@@ -107,7 +107,7 @@ class Search {
     return is_major_gain(before, after, least_gain());
   }
 
-  // Unknowns of instruments beyond what the model allows for.
+  // Numbers of instruments beyond what the model allows for.
   std::vector<std::size_t> instruments_beyond(const Hypothesis& hypothesis,
                                               std::span<const double> z) const {
     return hypothesis.instruments_beyond(z, data_.criteria.contradicted_sigmas);

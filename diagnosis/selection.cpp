@@ -64,19 +64,33 @@ std::size_t simplest(const std::vector<FittedCandidate>& candidates, double gain
   return chosen;
 }
 
+// Loss without the prior penalty of instruments beyond what the model allows for: these are
+// findings of their own, whichever effect is claimed first, and a shape that bends as they do is no
+// reason against a listed effect.
+double loss_beside_instruments(const FittedCandidate& each, const Criteria& criteria) {
+  double loss = each.total_loss();
+  const std::vector<double>& z = each.fitted.z;
+  for (const std::size_t number :
+       each.hypothesis->instruments_beyond(z, criteria.contradicted_sigmas)) {
+    const double distance = z[each.hypothesis->unknown_of(number).value()];
+    loss -= 0.5 * distance * distance;
+  }
+  return loss;
+}
+
 // Index of the candidate of a lower tier that is preferred to the chosen one: because it is behind
 // by no more than chance or than what its formula may leave, or, where the chosen one does not
 // explain the recording either, because it gains at all.
 std::size_t lower_tier(const std::vector<FittedCandidate>& candidates, std::size_t chosen,
                        const SearchData& data, const HeldOut& current, double gain) {
   const Criteria& criteria = data.criteria;
-  const double best = candidates.front().total_loss();
+  const double best = loss_beside_instruments(candidates.front(), criteria);
   const bool explained = candidates[chosen].held_out.chi2 <= data.explained_chi2();
   for (std::size_t k = 0; k < candidates.size(); ++k) {
     const FittedCandidate& each = candidates[k];
     if (tier_of(each.candidate) >= tier_of(candidates[chosen].candidate)) continue;
     const double behind = std::max(criteria.claim_nats(), formula_residual(each.candidate) * gain);
-    const bool nearly = each.total_loss() < best + behind;
+    const bool nearly = loss_beside_instruments(each, criteria) < best + behind;
     // A number is no physics of its own: it displaces a formula by what it explains alone.
     const bool may_explain_part = !explained && !each.candidate.is_number();
     if (nearly || (may_explain_part &&
