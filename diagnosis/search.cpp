@@ -65,17 +65,15 @@ void Search::compare_beside_the_others() {
     Claim& claim = claims_[rest.dropped];
     const FittedCandidate base = with_instruments_held(rest.fitted).value_or(rest.fitted);
     const auto weight = probabilities(claim.rivals, data_.criteria, seed());
-    std::vector<FittedCandidate> alternatives;
-    for (std::size_t k = 1; k < weight.size(); ++k) {
-      if (weight[k] < data_.criteria.least_alternative_probability) continue;
-      auto other = paired(base, claim.rivals[k]);
-      if (other) alternatives.push_back(*std::move(other));
+    std::vector<FittedCandidate> rivals;
+    for (std::size_t k = 0; k < weight.size(); ++k) {
+      if (k > 0 && weight[k] < data_.criteria.least_alternative_probability) continue;
+      auto each = paired(base, claim.rivals[k]);
+      if (each) rivals.push_back(*std::move(each));
     }
-    fit_and_score(data_, base.held_out, alternatives);
-    FittedCandidate own = current_;
-    own.candidate = claim.candidate;
-    alternatives.insert(alternatives.begin(), std::move(own));
-    claim = {claim.candidate, std::move(alternatives), stage_of(base), stage_of(current_),
+    if (rivals.empty() || rivals.front().candidate != claim.candidate) continue;
+    fit_and_score(data_, base.held_out, rivals);
+    claim = {claim.candidate, std::move(rivals), stage_of(base), stage_of(current_),
              score_gain(base.held_out, current_.held_out)};
   }
 }
