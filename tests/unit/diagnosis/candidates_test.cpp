@@ -8,6 +8,7 @@
 #include "diagnosis/fitted_candidate.h"
 #include "physics/catalogue.h"
 #include "tests/unit/diagnosis/bench.h"
+#include "tests/unit/diagnosis/campaigns.h"
 
 namespace stickslip::diagnosis {
 namespace {
@@ -38,6 +39,29 @@ TEST(CandidateEffects, AreMissingFromTheModelAndVisibleInTheChannels) {
   EXPECT_FALSE(holds(names, "gain_error of velocity")) << "it is not recorded";
   EXPECT_FALSE(holds(names, "crosstalk of displacement from velocity"));
   EXPECT_FALSE(holds(names, "load_cell_resonance"));
+}
+
+// An effect of the load shows where the load differs: in a recording, or between recordings.
+TEST(CandidateEffects, OfTheLoadNeedALoadThatDiffers) {
+  physics::Model model = driven_mass();
+  model.friction.law = physics::FrictionLaw::coulomb;
+  model.friction.mu = {0.3};
+  model.friction.transition_speed_m_s = {1.0e-3};
+  model.normal_load.emplace().load_n = {1.5};
+  const std::vector<Experiment> experiments{experiment_of(record(model, 8.0), model)};
+  const auto names = [&](const physics::Campaign* campaign) {
+    return names_of(candidate_effects(model, experiments, campaign));
+  };
+  const physics::Campaign same = test::under_loads({1.5, 1.5});
+  const physics::Campaign different = test::under_loads({1.0, 2.0});
+  for (const char* id : {"load_dependent_mu", "friction_over_load"}) {
+    EXPECT_FALSE(holds(names(nullptr), id)) << id;
+    EXPECT_FALSE(holds(names(&same), id)) << id;
+    EXPECT_TRUE(holds(names(&different), id)) << id;
+  }
+  model.normal_load->law = physics::NormalLoadLaw::wedge;
+  model.normal_load->slope_per_m = {1.0};
+  EXPECT_TRUE(holds(names(nullptr), "load_dependent_mu"));
 }
 
 double complexity_with(const char* id, const physics::Place& place) {

@@ -576,6 +576,7 @@ TEST(Catalogue, ListsTheEffectsAModelCanLack) {
   EXPECT_TRUE(missing("friction_memory", coulomb));
   EXPECT_FALSE(missing("friction_memory", memory));
   EXPECT_FALSE(missing("stribeck", none));
+  EXPECT_TRUE(missing("load_dependent_mu", wedge));
   EXPECT_FALSE(missing("load_history", coulomb)) << "a constant load has no history";
   EXPECT_TRUE(missing("load_history", wedge));
   EXPECT_TRUE(missing("wedge_load", coulomb));
