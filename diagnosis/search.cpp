@@ -72,7 +72,8 @@ void Search::compare_beside_the_others() {
       if (each) rivals.push_back(*std::move(each));
     }
     if (rivals.empty() || rivals.front().candidate != claim.candidate) continue;
-    fit_and_score(data_, base.held_out, rivals);
+    // Without an alternative nothing is compared.
+    if (rivals.size() > 1) fit_and_score(data_, base.held_out, rivals);
     claim = {claim.candidate, std::move(rivals), stage_of(base), stage_of(current_),
              score_gain(base.held_out, current_.held_out)};
   }

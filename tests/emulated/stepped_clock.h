@@ -17,9 +17,8 @@ namespace stickslip::emulated {
 class SteppedClock final : public drivers::HostClock {
  public:
   std::int64_t now_ns() override { return now_; }
-  void sleep_until(std::int64_t due_ns) override { set(std::max(now_.load(), due_ns)); }
+  void sleep_until(std::int64_t due_ns) override { now_ = std::max(now_.load(), due_ns); }
   void pass(std::int64_t ns) { now_ += ns; }
-  void set(std::int64_t ns) { now_ = ns; }
 
  private:
   std::atomic<std::int64_t> now_{1'000'000'000};
