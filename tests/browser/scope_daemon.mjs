@@ -16,12 +16,13 @@ let page;
 const startDaemon = (...args) => new Running(stickslipd, ["--config", path.join(source, "config/simulated.toml"), ...args]);
 const liveFrames = (page) => page.evaluate(() => stickslip.sizes().live.held);
 
-// A test whose failure shows the output of the programs.
+// A test whose failure shows the state of the page and the output of the programs.
 function test(name, body) {
   nodeTest(name, async (t) => {
     try {
       await body(t);
     } catch (error) {
+      t.diagnostic(`the page: ${await page?.evaluate(() => JSON.stringify({ ...stickslip.state(), rig: document.querySelector("#state-chip").textContent })).catch(String)}`);
       for (const program of [daemon, scope]) {
         if (program) t.diagnostic(`${program.name}, status ${program.status ?? "running"}, last output:\n${program.output.slice(-2000)}`);
       }

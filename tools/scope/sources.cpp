@@ -107,9 +107,10 @@ void Sources::replace_restarted(Clock::time_point now) {
     if (old.senders.empty() || old.feed->connected() || now - old.heard_at <= replaced_after) {
       continue;
     }
+    const std::string& rig = old.feed->rig();
     const auto next = std::find_if(sources_.begin(), sources_.end(), [&](const auto& source) {
       return source->feed->connected() && source->begun_at > old.heard_at &&
-             source->feed->rig() == old.feed->rig() &&
+             (rig.empty() || source->feed->rig() == rig) &&
              address_of(source->senders.back()) == address_of(old.senders.back());
     });
     if (next == sources_.end()) continue;

@@ -17,8 +17,8 @@ namespace stickslip::scope {
 /// A feed for each sender. A page names the source that it wants; one that names none, or one that
 /// is not there, sees the current source: the first that sends, until it is silent and another is
 /// not. A sender at the address of a silent source takes its place, as a restarted daemon does.
-/// One that was restarted at once does when its predecessor stays silent and the rig's name is the
-/// same.
+/// One that was restarted at once does when its predecessor stays silent and is not known to be
+/// another rig.
 class Sources {
  public:
   using Clock = LiveFeed::Clock;

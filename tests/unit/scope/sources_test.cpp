@@ -152,6 +152,20 @@ TEST_F(SourcesTest, ADaemonThatIsRestartedAtOnceReplacesItsPredecessor) {
   EXPECT_EQ(blocks("").back(), 150);
 }
 
+TEST_F(SourcesTest, ARestartedDaemonReplacesAPredecessorWhoseRigWasNeverNamed) {
+  // Descriptions are repeated every few seconds; a server that has just started may have had none.
+  frames(a, 1000);
+  const std::string again = "10.0.0.1:50000";
+  for (int i = 0; i < 15; ++i) {
+    now += 100ms;
+    if (i == 0) rig(again, "bench");
+    frames(again, 10 * static_cast<std::uint64_t>(i));
+    sources.tick(now);
+  }
+  EXPECT_EQ(latest(a, "sources")["sources"].size(), 1U);
+  EXPECT_EQ(blocks(a).back(), 140) << "a page that chose the predecessor sees its successor";
+}
+
 TEST_F(SourcesTest, ADaemonWithoutFramesKeepsItsPlace) {
   take(a, protocol::status_channel, status_t{});
   now += 1s;
