@@ -103,18 +103,18 @@ Key key_of(const LawParameter& parameter, std::size_t index, std::deque<std::str
 }
 
 std::vector<BoundKey<physics::Model>> made_keys() {
-  static std::deque<std::string> texts;
-  static std::vector<std::string_view> names{"none"};
-  for (const physics::Effect* law : physics::friction_laws()) names.push_back(law->card().id);
-  BoundKey<physics::Model> law = read_by<physics::Model, read_law>(
+  static constexpr BoundKey<physics::Model> law = read_by<physics::Model, read_law>(
       Type::choice,
       Key{.path = "friction.law",
           .sentence =
               "Law of friction, f = mu N theta (docs/physics.md). Without [friction]: none.",
           .need = Need::in_table,
           .without = "none"});
-  law.choices = names;
+  static std::deque<std::string> texts;
+  static std::vector<std::string_view> names{"none"};
+  for (const physics::Effect* each : physics::friction_laws()) names.push_back(each->card().id);
   std::vector<BoundKey<physics::Model>> keys{law};
+  keys.front().choices = names;
   for (std::size_t i = 0; i < law_parameters().size(); ++i) {
     keys.push_back({key_of(law_parameters()[i], i, texts)});
   }

@@ -21,6 +21,8 @@ struct Limits {
   double least;
   double most;
 };
+template <class Owner, class Value>
+Limits(std::string_view, Value Owner::*, double, double) -> Limits<Owner, Value>;
 
 constexpr std::array shares_and_levels = {
     Limits{"explained_chi2", &Criteria::explained_chi2, 1.0, unlimited},

@@ -25,8 +25,6 @@ constexpr std::array<std::string_view, symbol_count> symbol_names = {"x", "v", "
 constexpr std::array<std::string_view, 4> own_names = {"", "mu", "N", "r"};
 constexpr std::string_view not_a_name = "(none)";
 
-constexpr Dimension pure{};
-
 bool is_name(std::string_view text) {
   const auto letter = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; };
   const auto inner = [](char c) {

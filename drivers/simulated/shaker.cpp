@@ -21,7 +21,7 @@ Shaker::Shaker(physics::Excitation excitation, double bandwidth_hz, double perio
       period_s_(period_s),
       steps_(steps),
       filter_(
-          std::array{physics::Filter{physics::FilterKind::butterworth_lowpass, 4, bandwidth_hz}},
+          std::array{physics::Filter{physics::FilterKind::butterworth_lowpass, 4, {bandwidth_hz}}},
           period_s / steps) {}
 
 void Shaker::command(double drive, bool amplifier_on) {
