@@ -39,13 +39,18 @@ int run(int argc, char** argv) {
   std::string url;
   std::string socket;
   bool quiet = false;
-  app.add_option("--config", config_file, "Rig configuration (TOML)")->required();
+  app.add_option("--config", config_file, "Rig configuration (TOML)")
+      ->type_name("FILE")
+      ->required();
   auto* duration =
-      app.add_option("--duration", duration_s, "Stop after this many seconds of rig time");
-  auto* recording = app.add_option("--record", record, "Record to this LCM event log");
-  auto* lcm_url = app.add_option("--lcm-url", url, "Publish to this LCM URL");
+      app.add_option("--duration", duration_s, "Stop after this many seconds of rig time")
+          ->type_name("SECONDS");
+  auto* recording =
+      app.add_option("--record", record, "Record to this LCM event log")->type_name("FILE");
+  auto* lcm_url = app.add_option("--lcm-url", url, "Publish to this LCM URL")->type_name("URL");
   app.add_flag("--no-lcm", overrides.no_lcm, "Do not publish")->excludes(lcm_url);
-  auto* control = app.add_option("--control", socket, "Path of the control socket");
+  auto* control =
+      app.add_option("--control", socket, "Path of the control socket")->type_name("PATH");
   app.add_flag("--quiet", quiet, "Log warnings and errors only");
   try {
     app.parse(argc, argv);

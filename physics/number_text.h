@@ -24,6 +24,11 @@ inline std::string number_text(double value, int digits = 3) {
   return with_unsigned_zero(text.data());
 }
 
+/// A share as a percentage of `digits` significant digits: "12.5 %".
+inline std::string percent_text(double share, int digits = 3) {
+  return number_text(100.0 * share, digits) + " %";
+}
+
 /// With `decimals` digits behind the point: "20.400"; `sign`: "+20.400".
 inline std::string fixed_text(double value, int decimals, bool sign = false) {
   std::array<char, 340> text{};

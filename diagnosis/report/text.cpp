@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/report/campaign.h"
@@ -20,8 +21,7 @@ using physics::ResultUnits;
 namespace {
 
 using physics::number_text;
-
-std::string percent(double share) { return number_text(100.0 * share) + " %"; }
+using physics::percent_text;
 
 void add_verdict(std::ostringstream& text, const Diagnosis& d) {
   switch (d.verdict) {
@@ -82,9 +82,13 @@ std::string formula_text(const Estimate& estimate) {
 // The effects that score better than the finding, and why they are not it.
 void add_preference(std::ostringstream& text, const Finding& finding) {
   if (finding.preferred_over.empty()) return;
-  text << "       preferred, as the simpler or the listed one, to";
-  for (const CandidateEffect& each : finding.preferred_over) text << " " << id_of(each);
-  text << ", which scores better\n";
+  text << "       preferred, as the simpler or the listed one, to ";
+  const char* separator = "";
+  for (const CandidateEffect& each : finding.preferred_over) {
+    text << std::exchange(separator, ", ") << id_of(each);
+  }
+  text << (finding.preferred_over.size() > 1 ? ", which score better\n"
+                                             : ", which scores better\n");
 }
 
 void add_finding(std::ostringstream& text, const Finding& finding, int number) {
@@ -97,11 +101,11 @@ void add_finding(std::ostringstream& text, const Finding& finding, int number) {
        << number_text(finding.gain.se) << " nat, chi-squared per sample "
        << number_text(finding.chi2_before) << " -> " << number_text(finding.chi2_after)
        << " on the selection windows; probability among the candidates "
-       << percent(finding.probability) << "\n";
+       << percent_text(finding.probability) << "\n";
   add_preference(text, finding);
   for (const Alternative& each : finding.alternatives) {
-    text << "       alternative: " << id_of(each.candidate) << " (" << percent(each.probability)
-         << ")\n";
+    text << "       alternative: " << id_of(each.candidate) << " ("
+         << percent_text(each.probability) << ")\n";
   }
   if (finding.separating_experiment) {
     text << "       To discriminate: " << *finding.separating_experiment << "\n";

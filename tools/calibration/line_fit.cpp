@@ -25,7 +25,7 @@ constexpr double widened_below = 0.05;  // p-value of chi-squared
 constexpr double nearly_all_leverage = 0.95;
 constexpr double outlier_below = 0.01;  // p-value, for as many points as there are
 
-std::string percent(double share) { return physics::number_text(100.0 * share, 4) + " %"; }
+std::string percent(double share) { return physics::percent_text(share, 4); }
 
 // Points scaled so that readings and references lie within -1 to 1.
 struct Scaled {

@@ -16,7 +16,7 @@ std::string padded(const std::string& text, std::size_t width) {
 
 std::string long_number(double value) { return physics::number_text(value, 7); }
 
-std::string percent(double share) { return short_number(100.0 * share) + " %"; }
+std::string percent(double share) { return physics::percent_text(share, 4); }
 
 /// "value +- sigma unit (0.1 %)"; without an unknown sigma.
 std::string with_sigma(double value, double sigma, const std::string& unit, bool relative) {
@@ -33,6 +33,12 @@ std::string per(const std::string& unit, const std::string& raw_unit) {
   return unit + (below.find('/') == std::string::npos ? "/" + below : "/(" + below + ")");
 }
 
+/// A smaller probability than this is no better known than the distribution's tail.
+std::string p_text(double p) {
+  constexpr double least = 1.0e-4;
+  return p < least ? "p < " + short_number(least) : "p = " + short_number(p);
+}
+
 void say(std::string& out, const char* what, const std::string& text) {
   std::string line = "  ";
   line += what;
@@ -42,7 +48,7 @@ void say(std::string& out, const char* what, const std::string& text) {
 
 void say(std::string& out, const char* what, const std::optional<Finding>& finding) {
   say(out, what,
-      finding ? percent(finding->share) + " of the span, p = " + short_number(finding->p_value)
+      finding ? percent(finding->share) + " of the span, " + p_text(finding->p_value)
               : std::string("not testable with these points"));
 }
 
@@ -71,8 +77,8 @@ std::string fit_text(const LineFit& fit, std::span<const Point> points, Channel 
     say(out, "residuals",
         short_number(fit.residual_std) + " " + unit +
             (fit.chi2_per_dof
-                 ? ", chi-squared per degree of freedom " + short_number(*fit.chi2_per_dof) +
-                       " (p = " + short_number(*fit.chi2_p_value) + ")"
+                 ? ", chi-squared per degree of freedom " + short_number(*fit.chi2_per_dof) + " (" +
+                       p_text(*fit.chi2_p_value) + ")"
                  : std::string()));
     say(out, "curvature", fit.curvature);
     say(out, "hysteresis", fit.hysteresis);

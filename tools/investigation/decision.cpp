@@ -8,6 +8,7 @@ namespace stickslip::investigation {
 namespace {
 
 using physics::number_text;
+using physics::percent_text;
 
 // Runs of other kinds that are made without a hypothesis that they would separate.
 constexpr std::size_t most_without_question = 3;
@@ -17,8 +18,6 @@ std::string joined(const std::vector<std::string>& names) {
   for (const std::string& each : names) out += (out.empty() ? "" : " and ") + each;
   return out;
 }
-
-std::string percent(double share) { return number_text(100.0 * share, 3) + " %"; }
 
 Decision named(const Step& last) {
   if (last.findings.empty()) {
@@ -34,7 +33,7 @@ Decision named(const Step& last) {
 }  // namespace
 
 std::string probability_text(double share) {
-  return share > 0.999 ? "more than 99.9 %" : percent(share);
+  return share > 0.999 ? "more than 99.9 %" : percent_text(share);
 }
 
 std::string least_words(const Step& last) {
@@ -71,9 +70,9 @@ Decision decide(const Study& study, std::size_t steps, const std::optional<NextR
   if (steps == 0) return {};
   const bool asks = study.steps[steps - 1].standing.size() > 1;
   if (asks && next->question.gain < settings.least_gain) {
-    return {Ending::no_gain, "the best run would resolve " + percent(next->question.gain) +
+    return {Ending::no_gain, "the best run would resolve " + percent_text(next->question.gain) +
                                  " of the remaining uncertainty, less than the " +
-                                 percent(settings.least_gain) + " for which a run is made"};
+                                 percent_text(settings.least_gain) + " for which a run is made"};
   }
   if (!asks && steps >= most_without_question) {
     return {Ending::no_gain,

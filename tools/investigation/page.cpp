@@ -18,12 +18,11 @@ namespace stickslip::investigation {
 namespace {
 
 using physics::number_text;
+using physics::percent_text;
 using report::code;
 using report::escape_html;
 using report::paragraph;
 using report::plain_text;
-
-std::string percent(double share) { return number_text(100.0 * share, 3) + " %"; }
 
 // "missing physics"
 std::string verdict_words(const Step& step) {
@@ -86,7 +85,7 @@ std::vector<Expected> largest_first(std::vector<Expected> expected) {
 
 std::string gain_words(const Question& q) {
   if (q.expected.empty()) return "no hypothesis to separate yet";
-  return "expected to resolve " + percent(q.gain) + " of the remaining uncertainty";
+  return "expected to resolve " + percent_text(q.gain) + " of the remaining uncertainty";
 }
 
 std::string links_of(const Step& step) {
@@ -236,7 +235,7 @@ std::string result_words(const Study& study) {
   std::vector<std::string> others;
   for (const Standing& each : last->standing) {
     if (is_found(*last, each)) continue;
-    others.push_back(report::with_probability(each.name, percent(each.probability)));
+    others.push_back(report::with_probability(each.name, percent_text(each.probability)));
   }
   return out + (others.empty() ? "." : "; also possible: " + report::enumeration(others) + ".");
 }
