@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "diagnosis/median.h"
 
@@ -35,10 +36,11 @@ OverWindows over_windows(const std::vector<double>& values) {
 }
 
 // Mean squares of the scaled residuals of one channel, and correlation of neighbouring samples, by
-// window.
+// window; and the innovations, by window and sample, 0 where none is compared.
 struct ChannelResiduals {
   std::vector<double> square;
   std::vector<double> correlation;
+  std::vector<std::vector<double>> innovations;
 };
 
 using ByChannel = std::array<ChannelResiduals, predicted_channels>;
@@ -53,6 +55,7 @@ void add_window(const Task& task, std::size_t w, const Readings& readings, doubl
     double former = 0.0;
     double samples = 0.0;
     double slow = 0.0;
+    std::vector<double>& innovations = out[c].innovations.emplace_back(window.end - window.begin);
     Whitening whitening(task.colour[c]);
     for (std::size_t k = window.begin; k < window.end; ++k) {
       if (!e.is_compared(k, c)) continue;
@@ -61,6 +64,7 @@ void add_window(const Task& task, std::size_t w, const Readings& readings, doubl
       square += r * r;
       product += former * r;
       former = r;
+      innovations[k - window.begin] = std::isfinite(r) ? r : 0.0;
       samples += 1.0;
     }
     if (!(samples > 0.0) || !(square > 0.0) || !std::isfinite(square)) continue;
@@ -96,6 +100,58 @@ bool scatters_as_noise(const OverWindows& level, double chance, double windows) 
   return level.error < chance * (1.0 + certain * error_of_scatter / std::sqrt(windows));
 }
 
+// Sum of the products of two channels' innovations, those of the second `lag` samples later.
+double lagged_product(const ChannelResiduals& a, const ChannelResiduals& b, std::size_t lag) {
+  double sum = 0.0;
+  for (std::size_t w = 0; w < a.innovations.size(); ++w) {
+    const auto& first = a.innovations[w];
+    const auto& second = b.innovations[w];
+    if (second.size() <= lag) continue;
+    sum += std::inner_product(second.begin() + static_cast<std::ptrdiff_t>(lag), second.end(),
+                              first.begin(), 0.0);
+  }
+  return sum;
+}
+
+// True if a part of both channels that is not negligible follows one cause: instruments have noise
+// of their own, whatever its colour, and missing physics moves all of them. Up to a delay of
+// half a window, since a velocity is a quarter of a period ahead of its displacement. Innovations
+// that are not white correlate by chance as fewer samples do (Bartlett's formula).
+bool share_a_cause(const ChannelResiduals& a, const ChannelResiduals& b, const Criteria& criteria) {
+  const double of_a = lagged_product(a, a, 0);
+  const double of_b = lagged_product(b, b, 0);
+  if (!(of_a > 0.0) || !(of_b > 0.0)) return false;
+  std::size_t samples = 0;
+  std::size_t longest = 0;
+  for (const auto& window : a.innovations) {
+    samples += window.size();
+    longest = std::max(longest, window.size());
+  }
+  double most = 0.0;
+  double follow = 1.0;  // samples that carry the information of one
+  for (std::size_t lag = 0; lag <= longest / 2; ++lag) {
+    const double ahead = lagged_product(a, b, lag);
+    const double behind = lagged_product(b, a, lag);
+    most = std::max({most, ahead * ahead, behind * behind});
+    if (lag > 0) {
+      follow += 2.0 * lagged_product(a, a, lag) * lagged_product(b, b, lag) / (of_a * of_b);
+    }
+  }
+  const double shared = most / (of_a * of_b);
+  return shared > criteria.negligible_share &&
+         0.5 * shared * static_cast<double>(samples) / std::max(1.0, follow) >
+             criteria.claim_nats();
+}
+
+bool any_share_a_cause(const ByChannel& residuals, const Criteria& criteria) {
+  for (std::size_t c = 0; c < residuals.size(); ++c) {
+    for (std::size_t d = c + 1; d < residuals.size(); ++d) {
+      if (share_a_cause(residuals[c], residuals[d], criteria)) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span<const double> z,
@@ -122,8 +178,11 @@ NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span
   const bool alike = is_alike(level, all_freedom / windows);
   if (is_above && !alike) return {};
   const ByChannel residuals = channel_residuals(task, hypothesis, z, fitted);
+  const bool is_shared = any_share_a_cause(residuals, criteria);
+  if (is_above && is_shared) return {};
   NoiseCheck out;
-  out.is_expected_noise = is_expected && alike && scatters_as_noise(level, of_noise, windows);
+  out.is_expected_noise =
+      is_expected && alike && !is_shared && scatters_as_noise(level, of_noise, windows);
   for (const Channel channel : all_channels) {
     if (index_of(channel) >= predicted_channels) continue;
     const ChannelResiduals& each = residuals[index_of(channel)];

@@ -19,10 +19,11 @@ struct NoiseLevel {
 /// The residuals of a calibrated model in windows that nothing was fitted to.
 struct NoiseCheck {
   /// True if chi-squared per sample is 1 within its uncertainty, or if what is left is noise of
-  /// another level: alike in all windows, and no sample follows its predecessor.
+  /// another level: alike in all windows, no sample follows its predecessor, and no channel
+  /// another.
   bool is_noise = false;
   /// True if, besides, the level is the expected one, alike in all windows up to the scatter of
-  /// noise, and no sample follows its predecessor.
+  /// noise, no sample follows its predecessor, and no channel another.
   bool is_expected_noise = false;
   /// Of every compared channel, if it is noise.
   std::vector<NoiseLevel> level;

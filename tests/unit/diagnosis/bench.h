@@ -80,10 +80,11 @@ inline physics::Model ringing_mass(double stiffness_sigma_n_m) {
 inline constexpr std::uint8_t bits_of_displacement_and_force =
     (1U << index_of(Channel::displacement)) | (1U << index_of(Channel::drive_force));
 
-/// Simulated recording of displacement and drive force.
+/// Simulated recording of `channels` (bits), of displacement and drive force by default.
 inline protocol::Recording record(const physics::Model& model, double duration_s,
                                   std::uint64_t seed = 1, bool noise = true,
-                                  const std::function<double(double)>& force = swelling_force_n) {
+                                  const std::function<double(double)>& force = swelling_force_n,
+                                  std::uint8_t channels = bits_of_displacement_and_force) {
   physics::SimulationOptions options;
   options.seed = seed;
   options.noise = noise;
@@ -103,7 +104,7 @@ inline protocol::Recording record(const physics::Model& model, double duration_s
     }
     Frame frame = rig.read();
     frame.time_ns = k * static_cast<std::int64_t>(1.0e9 / rate_hz);
-    frame.valid &= bits_of_displacement_and_force;
+    frame.valid &= channels;
     recording.channels |= frame.valid;
     recording.frames.push_back(frame);
   }

@@ -89,6 +89,42 @@ TEST(NoiseCheck, TakesNoScatteredMisfitForNoiseAsExpected) {
   EXPECT_TRUE(checked(driven_mass()).is_expected_noise);
 }
 
+// Errors of displacement and velocity, white and of the declared level, of one cause or of two.
+NoiseCheck checked_with_errors(bool of_one_cause) {
+  constexpr double error_m = 6.0e-5;
+  constexpr double velocity_error_per_s = 10.0;
+  physics::Model model = driven_mass();
+  physics::Sensor& displacement = model.sensors[index_of(Channel::displacement)];
+  displacement.noise_std = error_m;
+  physics::Sensor& velocity = model.sensors[index_of(Channel::velocity)];
+  velocity = displacement;
+  velocity.noise_std = velocity_error_per_s * error_m;
+  constexpr std::uint8_t channels =
+      test::bits_of_displacement_and_force | (1U << index_of(Channel::velocity));
+  protocol::Recording recording = record(model, 24.0, 1, false, test::swelling_force_n, channels);
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> error(0.0, error_m);
+  for (Frame& frame : recording.frames) {
+    const double of_displacement = error(random);
+    const double of_velocity = of_one_cause ? of_displacement : error(random);
+    frame.set(Channel::displacement, frame[Channel::displacement] + of_displacement);
+    frame.set(Channel::velocity, frame[Channel::velocity] + velocity_error_per_s * of_velocity);
+  }
+  const std::vector<Experiment> experiments{experiment_of(recording, model)};
+  Task task = all_windows(experiments);
+  task.sigma[index_of(Channel::displacement)] = error_m;
+  task.sigma[index_of(Channel::velocity)] = velocity_error_per_s * error_m;
+  const Hypothesis hypothesis(model);
+  const std::vector<double> z(hypothesis.unknowns().size(), 0.0);
+  return noise_check(task, hypothesis, z, false, {});
+}
+
+// Missing physics moves all channels; each instrument has noise of its own.
+TEST(NoiseCheck, TakesNoErrorThatTwoChannelsShareForNoise) {
+  EXPECT_TRUE(checked_with_errors(false).is_expected_noise);
+  EXPECT_FALSE(checked_with_errors(true).is_expected_noise);
+}
+
 // The loss of 24 s with a slow error of that size [m] if the noise is taken for white, less that if
 // it is taken for coloured: with the levels and the colour that the recording has.
 double gain_of_colour(double slow_m, const NoiseColour& colour) {
