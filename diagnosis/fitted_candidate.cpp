@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
+
 #include "physics/declared_value.h"
 #include "physics/number_text.h"
 
@@ -26,6 +28,48 @@ const physics::BoundTerm& own_term(const FittedCandidate& each) {
   return *std::find_if(terms.begin(), terms.end(), [&](const physics::BoundTerm& term) {
     return term.effect == each.candidate.effect && term.place == each.candidate.place;
   });
+}
+
+// The candidate's own unknowns that are fitted to the recordings, with their positions on its card.
+struct OwnUnknown {
+  std::size_t position = 0;
+  std::size_t unknown = 0;
+};
+
+std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
+  const auto& unknowns = each.hypothesis->unknowns();
+  const std::vector<OwnParameter> own = own_indices(each);
+  std::vector<OwnUnknown> out;
+  for (std::size_t u = 0; u < unknowns.size(); ++u) {
+    if (unknowns[u].refinement || !is_fitted(*each.hypothesis, unknowns[u])) continue;
+    const auto found =
+        std::ranges::find(own, static_cast<int>(unknowns[u].parameter), &OwnParameter::index);
+    if (found != own.end()) out.push_back({found->position, u});
+  }
+  return out;
+}
+
+// True for an effect with sizes of either sign that are all compatible with none: what it gains is
+// due to the states that it adds to every window. A mode that nothing excites follows any hum.
+bool acts_by_its_states_alone(const FittedCandidate& each, std::span<const OwnUnknown> own,
+                              const Criteria& criteria) {
+  if (each.candidate.is_number() || each.candidate.is_comparison()) return false;
+  const physics::Card& card = each.candidate.effect->card();
+  if (!card.strength || card.parameters[*card.strength].positive) return false;
+  const std::vector<double> values = own_parameters(each);
+  std::vector<Eigen::Index> of;
+  std::vector<double> sizes;
+  for (const OwnUnknown& one : own) {
+    const Unknown& unknown = each.hypothesis->unknowns()[one.unknown];
+    if (unknown.logarithmic) continue;
+    of.push_back(static_cast<Eigen::Index>(one.unknown));
+    sizes.push_back((values[one.position] - card.parameters[one.position].neutral) / unknown.scale);
+  }
+  if (of.empty()) return false;
+  const Eigen::MatrixXd covariance = each.fitted.covariance(of, of);
+  const Eigen::Map<const Eigen::VectorXd> size(sizes.data(), static_cast<Eigen::Index>(of.size()));
+  // Gain of these sizes over none, to first order.
+  return 0.5 * size.dot(covariance.ldlt().solve(size)) < criteria.claim_nats();
 }
 
 }  // namespace
@@ -125,27 +169,14 @@ bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   const auto& unknowns = each.hypothesis->unknowns();
   const auto size = static_cast<Eigen::Index>(unknowns.size());
   if (each.fitted.covariance.rows() != size) return true;  // the fit was not continued to its end
-  const std::vector<OwnParameter> own = own_indices(each);
-  int of_either_sign = 0;
-  int determined = 0;  // of those
-  for (Eigen::Index u = 0; u < size; ++u) {
-    const Unknown& unknown = unknowns[static_cast<std::size_t>(u)];
-    if (unknown.refinement || !is_fitted(*each.hypothesis, unknown)) continue;
-    const auto found = std::find_if(own.begin(), own.end(), [&](const OwnParameter& parameter) {
-      return parameter.index == static_cast<int>(unknown.parameter);
-    });
-    if (found == own.end()) continue;
+  const std::vector<OwnUnknown> own = own_unknowns(each);
+  const bool any_is_undetermined = std::ranges::any_of(own, [&](const OwnUnknown& one) {
+    const Unknown& unknown = unknowns[one.unknown];
+    const auto u = static_cast<Eigen::Index>(one.unknown);
     const double error = unknown.scale * std::sqrt(std::max(0.0, each.fitted.covariance(u, u)));
-    if (unknown.logarithmic) {
-      if (error > criteria.undetermined_log_std) return false;
-    } else if (!each.candidate.is_number()) {
-      const physics::ParameterCard& card =
-          each.candidate.effect->card().parameters[found->position];
-      ++of_either_sign;
-      if (error <= card.high - card.low) ++determined;
-    }
-  }
-  return of_either_sign == 0 || determined > 0;
+    return unknown.logarithmic && error > criteria.undetermined_log_std;
+  });
+  return !any_is_undetermined && !acts_by_its_states_alone(each, own, criteria);
 }
 
 bool replaces_law(const Hypothesis& base, const Hypothesis& with) {

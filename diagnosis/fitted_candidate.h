@@ -51,10 +51,10 @@ std::vector<double> own_parameters(const FittedCandidate& each);
 /// The candidate in words, with its fitted numbers.
 std::string statement_of(const FittedCandidate& each);
 
-/// True if the recording determines every positive parameter that the effect needs, and one of
-/// those of either sign to better than its plausible range. A hysteresis with any slip force has
-/// not been observed to slip: it imitates a spring. A mode that nothing excites imitates anything
-/// slow, since its state is free in every window.
+/// True if the recording determines every positive parameter that the effect needs, and those of
+/// either sign as different from none. A hysteresis with any slip force has not been observed to
+/// slip: it imitates a spring. A mode that nothing excites imitates a hum or anything slow, since
+/// its state is free in every window.
 bool is_determined(const FittedCandidate& each, const Criteria& criteria);
 
 /// True if the effect replaces a law of `base` instead of modifying it: the gain of one step from
