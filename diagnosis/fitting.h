@@ -52,8 +52,9 @@ void settle(SearchData& data, FittedCandidate& each);
 /// is then better beyond Criteria::claim_level over the windows, else to convergence.
 void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates);
 
-/// The same, and scores them against `current`.
-void fit_and_score(const SearchData& data, const HeldOut& current,
+/// The same, and scores them against `current`. The states of the windows to select on are searched
+/// from those of `current`, too: no candidate loses by what that had found.
+void fit_and_score(const SearchData& data, const FittedCandidate& current,
                    std::span<FittedCandidate> candidates);
 
 /// True if any of the candidates leaves hardly more than noise.
@@ -63,8 +64,8 @@ bool is_near_noise(std::span<const FittedCandidate> candidates, const Criteria& 
 /// first guesses of the states and the fitted sizes of the effects, without refinements. Calibrated
 /// parameters and refinements that compensate each other may have led the first fit into a local
 /// minimum. `declared` is the declared model.
-void restart_best(const SearchData& data, const Hypothesis& declared, const HeldOut& current,
-                  std::span<FittedCandidate> candidates,
+void restart_best(const SearchData& data, const Hypothesis& declared,
+                  const FittedCandidate& current, std::span<FittedCandidate> candidates,
                   const std::function<bool(const FittedCandidate&)>& may_restart);
 
 /// Fits `each` again from the parameters and states of `other`, a hypothesis with one effect or

@@ -128,7 +128,7 @@ class LawFits {
     if (options_.progress) options_.progress(step, done);
   }
 
-  void converge(FittedCandidate& each) const { fit_and_score(data_, none_.held_out, {&each, 1}); }
+  void converge(FittedCandidate& each) const { fit_and_score(data_, none_, {&each, 1}); }
 
   void fit_laws() {
     const auto list = physics::friction_laws();
@@ -145,7 +145,7 @@ class LawFits {
       converge(laws_[i]);
     }
     if (!is_near_noise(laws_, data_.criteria)) {
-      restart_best(data_, *none_.hypothesis, none_.held_out, laws_,
+      restart_best(data_, *none_.hypothesis, none_, laws_,
                    [](const FittedCandidate&) { return true; });
     }
   }

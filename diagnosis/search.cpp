@@ -73,7 +73,7 @@ void Search::compare_beside_the_others() {
     }
     if (rivals.empty() || rivals.front().candidate != claim.candidate) continue;
     // Without an alternative nothing is compared.
-    if (rivals.size() > 1) fit_and_score(data_, base.held_out, rivals);
+    if (rivals.size() > 1) fit_and_score(data_, base, rivals);
     claim = {claim.candidate, std::move(rivals), stage_of(base), stage_of(current_),
              score_gain(base.held_out, current_.held_out)};
   }
@@ -97,16 +97,33 @@ void Search::report(const std::string& step, double share) const {
 
 // Of the residuals in all windows, fitted and held out.
 ResidualFeatures Search::features_of(const FittedCandidate& each) const {
-  Task whole = data_.train;
-  whole.windows.insert(whole.windows.end(), data_.held_out.windows.begin(),
-                       data_.held_out.windows.end());
-  std::sort(whole.windows.begin(), whole.windows.end(), [](const WindowRef& a, const WindowRef& b) {
-    return std::pair(a.experiment, a.window) < std::pair(b.experiment, b.window);
+  struct Placed {
+    WindowRef window;
+    const WindowState* state;
+  };
+  std::vector<Placed> placed;
+  const auto place = [&placed](const Task& task, const Fit& fitted) {
+    for (std::size_t w = 0; w < task.windows.size(); ++w) {
+      placed.push_back({task.windows[w], &fitted.state[w]});
+    }
+  };
+  place(data_.train, each.fitted);
+  place(data_.held_out, each.held_out.fitted);
+  std::ranges::sort(placed, {}, [](const Placed& one) {
+    return std::pair(one.window.experiment, one.window.window);
   });
-  FitOptions options;
-  options.iterations = 6;
-  options.multistart = false;
-  const Fit fitted = fit_states(whole, *each.hypothesis, each.fitted.z, options);
+  Task whole = data_.train;
+  whole.windows.clear();
+  std::vector<WindowState> states;
+  for (const Placed& one : placed) {
+    whole.windows.push_back(one.window);
+    states.push_back(*one.state);
+  }
+  FitOptions as_it_is;
+  as_it_is.parameters_free = false;
+  as_it_is.iterations = 0;
+  as_it_is.multistart = false;
+  const Fit fitted = fit(whole, *each.hypothesis, each.fitted.z, std::move(states), as_it_is);
   return residual_features(whole, *each.hypothesis, fitted);
 }
 
@@ -122,7 +139,7 @@ std::optional<FittedCandidate> Search::with_instruments_held(const FittedCandida
     FittedCandidate next = *now;
     next.hypothesis = hypothesis.holding(beyond);
     next.fitted.z = carried_over(hypothesis, now->fitted.z, *next.hypothesis);
-    fit_and_score(data_, current_.held_out, {&next, 1});
+    fit_and_score(data_, current_, {&next, 1});
     held = std::move(next);
   }
 }
@@ -233,11 +250,11 @@ void Search::add_trial(const FittedCandidate& each, std::size_t stage, const Hel
 
 void Search::fit_finalists(std::vector<FittedCandidate>& candidates) {
   report("scoring on held-out data", 0.55);
-  fit_and_score(data_, current_.held_out, candidates);
+  fit_and_score(data_, current_, candidates);
   if (!is_near_noise(candidates, data_.criteria)) {
     // The cost of a drawn shape has no local minima of its own.
     restart_best(
-        data_, *declared_.hypothesis, current_.held_out, candidates,
+        data_, *declared_.hypothesis, current_, candidates,
         [](const FittedCandidate& each) { return tier_of(each.candidate) != Tier::free_form; });
   }
   share_fit(candidates);
@@ -305,7 +322,7 @@ std::vector<FittedCandidate> Search::differing(const FittedCandidate& each) cons
     next.candidate.shared = shared;
     next.hypothesis = common.sharing(shared);
     next.fitted.z = carried_over(common, each.fitted.z, *next.hypothesis);
-    fit_and_score(data_, current_.held_out, {&next, 1});
+    fit_and_score(data_, current_, {&next, 1});
     const bool gains = is_gain(each.held_out, next.held_out);
     if (shared.sharing == physics::Sharing::own && !gains) break;
     if (gains) out.push_back(std::move(next));
@@ -449,12 +466,12 @@ void Search::add_rivals_of_lower_tier(std::vector<FittedCandidate>& candidates) 
   };
   std::vector<FittedCandidate> more = finalists(
       data_, features_, current_, [](const std::string&, double) {}, is_new_rival);
-  fit_and_score(data_, current_.held_out, more);
+  fit_and_score(data_, current_, more);
   for (const FittedCandidate& each : more) {
     add_trial(each, claims_.size(), current_.held_out);
   }
   candidates.insert(candidates.end(), more.begin(), more.end());
-  restart_best(data_, *declared_.hypothesis, current_.held_out, candidates,
+  restart_best(data_, *declared_.hypothesis, current_, candidates,
                [&](const FittedCandidate& each) { return is_rival(each.candidate); });
   rank_determined(candidates, data_, current_.held_out, seed());
 }
@@ -489,7 +506,7 @@ bool Search::add_listed_pair(const std::vector<FittedCandidate>& candidates) {
     }
   }
   if (pairs.empty()) return false;
-  fit_and_score(data_, current_.held_out, pairs);
+  fit_and_score(data_, current_, pairs);
   const auto score = [this](const FittedCandidate& each) {
     return each.total_loss() + complexity_of(each, data_.criteria);
   };
@@ -623,7 +640,7 @@ std::optional<std::pair<FittedCandidate, Claim>> Search::better_in_place_of(cons
     return each.candidate == replaced || tier_of(each.candidate) > tier_of(replaced);
   });
   if (candidates.empty()) return std::nullopt;
-  fit_and_score(data_, base.held_out, candidates);
+  fit_and_score(data_, base, candidates);
   rank_determined(candidates, data_, base.held_out, seed());
   const FittedCandidate& best = candidates.front();
   for (const FittedCandidate& each : candidates) {
@@ -644,7 +661,7 @@ const std::vector<Search::Rest>& Search::rests() {
   for (std::size_t i = 0; i < claims_.size(); ++i) {
     std::optional<FittedCandidate> rest = without(i);
     if (!rest) continue;
-    fit_and_score(data_, current_.held_out, {&*rest, 1});
+    fit_and_score(data_, current_, {&*rest, 1});
     rests_.push_back({i, std::move(*rest)});
   }
   std::stable_sort(rests_.begin(), rests_.end(), [](const Rest& a, const Rest& b) {

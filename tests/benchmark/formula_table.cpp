@@ -100,8 +100,8 @@ FormulaFit fitted(const concealment::Case& hidden, std::uint64_t seed) {
   std::vector<diagnosis::FittedCandidate> found = diagnosis::finalists(
       data, features, declared, [](const std::string&, double) {}, is_hidden);
   if (found.empty()) return out;
-  diagnosis::fit_and_score(data, declared.held_out, found);
-  diagnosis::restart_best(data, *declared.hypothesis, declared.held_out, found,
+  diagnosis::fit_and_score(data, declared, found);
+  diagnosis::restart_best(data, *declared.hypothesis, declared, found,
                           [](const diagnosis::FittedCandidate&) { return true; });
   diagnosis::FittedCandidate& best = *std::ranges::min_element(
       found, {}, [](const diagnosis::FittedCandidate& each) { return each.total_loss(); });

@@ -83,7 +83,7 @@ TEST(Restart, LeavesALocalMinimumWhereItIsAllowedTo) {
     return stuck.held_out.chi2;
   };
   ASSERT_GT(score(), 2.0);
-  const HeldOut before = stuck.held_out;
+  const FittedCandidate before = stuck;
   restart_best(data, declared, before, candidates, [](const FittedCandidate&) { return false; });
   EXPECT_GT(score(), 2.0);
   EXPECT_FALSE(is_near_noise(candidates, data.criteria));
