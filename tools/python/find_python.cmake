@@ -14,7 +14,9 @@ else()
     set(Python_ROOT_DIR /usr)
   endif()
   find_package(Python 3.9 QUIET COMPONENTS Interpreter Development.Module NumPy)
-  find_package(pybind11 2.10 QUIET CONFIG)
+  if(Python_FOUND)  # without it, pybind11 takes another one or ends the configuration
+    find_package(pybind11 2.10 QUIET CONFIG)
+  endif()
   foreach(needed Python_Interpreter:python3 Python_Development.Module:python3-dev Python_NumPy:python3-numpy
       pybind11:pybind11-dev)
     string(REPLACE ":" ";" needed ${needed})
