@@ -49,29 +49,6 @@ std::vector<OwnUnknown> own_unknowns(const FittedCandidate& each) {
   return out;
 }
 
-// True for an effect with sizes of either sign that are all compatible with none: what it gains is
-// due to the states that it adds to every window. A mode that nothing excites follows any hum.
-bool acts_by_its_states_alone(const FittedCandidate& each, std::span<const OwnUnknown> own,
-                              const Criteria& criteria) {
-  if (each.candidate.is_number() || each.candidate.is_comparison()) return false;
-  const physics::Card& card = each.candidate.effect->card();
-  if (!card.strength || card.parameters[*card.strength].positive) return false;
-  const std::vector<double> values = own_parameters(each);
-  std::vector<Eigen::Index> of;
-  std::vector<double> sizes;
-  for (const OwnUnknown& one : own) {
-    const Unknown& unknown = each.hypothesis->unknowns()[one.unknown];
-    if (unknown.logarithmic) continue;
-    of.push_back(static_cast<Eigen::Index>(one.unknown));
-    sizes.push_back((values[one.position] - card.parameters[one.position].neutral) / unknown.scale);
-  }
-  if (of.empty()) return false;
-  const Eigen::MatrixXd covariance = each.fitted.covariance(of, of);
-  const Eigen::Map<const Eigen::VectorXd> size(sizes.data(), static_cast<Eigen::Index>(of.size()));
-  // Gain of these sizes over none, to first order.
-  return 0.5 * size.dot(covariance.ldlt().solve(size)) < criteria.claim_nats();
-}
-
 }  // namespace
 
 double complexity_of(const FittedCandidate& each, const Criteria& criteria) {
@@ -169,14 +146,43 @@ bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   const auto& unknowns = each.hypothesis->unknowns();
   const auto size = static_cast<Eigen::Index>(unknowns.size());
   if (each.fitted.covariance.rows() != size) return true;  // the fit was not continued to its end
-  const std::vector<OwnUnknown> own = own_unknowns(each);
-  const bool any_is_undetermined = std::ranges::any_of(own, [&](const OwnUnknown& one) {
+  int of_either_sign = 0;
+  int determined = 0;  // of those
+  for (const OwnUnknown& one : own_unknowns(each)) {
     const Unknown& unknown = unknowns[one.unknown];
     const auto u = static_cast<Eigen::Index>(one.unknown);
     const double error = unknown.scale * std::sqrt(std::max(0.0, each.fitted.covariance(u, u)));
-    return unknown.logarithmic && error > criteria.undetermined_log_std;
-  });
-  return !any_is_undetermined && !acts_by_its_states_alone(each, own, criteria);
+    if (unknown.logarithmic) {
+      if (error > criteria.undetermined_log_std) return false;
+    } else if (!each.candidate.is_number()) {
+      const physics::ParameterCard& card = each.candidate.effect->card().parameters[one.position];
+      ++of_either_sign;
+      if (error <= card.high - card.low) ++determined;
+    }
+  }
+  return of_either_sign == 0 || determined > 0;
+}
+
+bool acts_by_its_states_alone(const FittedCandidate& each, const Criteria& criteria) {
+  const auto unknowns = static_cast<Eigen::Index>(each.hypothesis->unknowns().size());
+  if (each.fitted.covariance.rows() != unknowns) return false;  // not fitted to its end
+  if (each.candidate.is_number() || each.candidate.is_comparison()) return false;
+  const physics::Card& card = each.candidate.effect->card();
+  if (!card.strength || card.parameters[*card.strength].positive) return false;
+  const std::vector<double> values = own_parameters(each);
+  std::vector<Eigen::Index> of;
+  std::vector<double> sizes;
+  for (const OwnUnknown& one : own_unknowns(each)) {
+    const Unknown& unknown = each.hypothesis->unknowns()[one.unknown];
+    if (unknown.logarithmic) continue;
+    of.push_back(static_cast<Eigen::Index>(one.unknown));
+    sizes.push_back((values[one.position] - card.parameters[one.position].neutral) / unknown.scale);
+  }
+  if (of.empty()) return false;
+  const Eigen::MatrixXd covariance = each.fitted.covariance(of, of);
+  const Eigen::Map<const Eigen::VectorXd> size(sizes.data(), static_cast<Eigen::Index>(of.size()));
+  // Gain of these sizes over none, to first order.
+  return 0.5 * size.dot(covariance.ldlt().solve(size)) < criteria.claim_nats();
 }
 
 bool replaces_law(const Hypothesis& base, const Hypothesis& with) {

@@ -51,11 +51,15 @@ std::vector<double> own_parameters(const FittedCandidate& each);
 /// The candidate in words, with its fitted numbers.
 std::string statement_of(const FittedCandidate& each);
 
-/// True if the recording determines every positive parameter that the effect needs, and those of
-/// either sign as different from none. A hysteresis with any slip force has not been observed to
-/// slip: it imitates a spring. A mode that nothing excites imitates a hum or anything slow, since
-/// its state is free in every window.
+/// True if the recording determines every positive parameter that the effect needs, and one of
+/// those of either sign to better than its plausible range. A hysteresis with any slip force has
+/// not been observed to slip: it imitates a spring.
 bool is_determined(const FittedCandidate& each, const Criteria& criteria);
+
+/// True for an effect with sizes of either sign that are all none within their uncertainty: it
+/// gains by the states that it adds, which are free in every window. A mode that nothing excites
+/// follows any hum.
+bool acts_by_its_states_alone(const FittedCandidate& each, const Criteria& criteria);
 
 /// True if the effect replaces a law of `base` instead of modifying it: the gain of one step from
 /// the law without it is not informative.

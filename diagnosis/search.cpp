@@ -641,6 +641,10 @@ std::optional<std::pair<FittedCandidate, Claim>> Search::better_in_place_of(cons
   });
   if (candidates.empty()) return std::nullopt;
   fit_and_score(data_, base, candidates);
+  std::erase_if(candidates, [this](const FittedCandidate& each) {
+    return acts_by_its_states_alone(each, data_.criteria);
+  });
+  if (candidates.empty()) return std::nullopt;
   rank_determined(candidates, data_, base.held_out, seed());
   const FittedCandidate& best = candidates.front();
   for (const FittedCandidate& each : candidates) {

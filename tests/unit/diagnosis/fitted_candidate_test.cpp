@@ -35,18 +35,16 @@ FittedCandidate mode(double share, double damping_log_std) {
   return out;
 }
 
-TEST(FittedCandidate, IsDeterminedIfItsSizeIsBeyondChance) {
-  EXPECT_TRUE(is_determined(mode(10.0, 0.1), Criteria()));
-  EXPECT_TRUE(is_determined(mode(-10.0, 0.1), Criteria()));
-}
-
 // Its states, which are free in every window, follow a hum whose amplitude wanders.
-TEST(FittedCandidate, IsNotDeterminedByTheStatesOfAModeThatNothingExcites) {
-  EXPECT_FALSE(is_determined(mode(1.0, 0.1), Criteria()));
-  EXPECT_FALSE(is_determined(mode(0.0, 0.1), Criteria()));
+TEST(FittedCandidate, ActsByItsStatesAloneIfItsSizesMayBeNone) {
+  EXPECT_TRUE(acts_by_its_states_alone(mode(0.0, 0.1), Criteria()));
+  EXPECT_TRUE(acts_by_its_states_alone(mode(1.0, 0.1), Criteria()));
+  EXPECT_FALSE(acts_by_its_states_alone(mode(10.0, 0.1), Criteria()));
+  EXPECT_FALSE(acts_by_its_states_alone(mode(-10.0, 0.1), Criteria()));
 }
 
 TEST(FittedCandidate, IsNotDeterminedWithoutAPositiveParameter) {
+  EXPECT_TRUE(is_determined(mode(10.0, 0.1), Criteria()));
   EXPECT_FALSE(is_determined(mode(10.0, 3.0), Criteria()));
 }
 
