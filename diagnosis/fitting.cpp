@@ -200,15 +200,20 @@ void learn_noise(SearchData& data, const FittedCandidate& each) {
   }
 }
 
-// A fit that explains the recordings with numbers beyond what the model allows for may be in a
-// local minimum, at the edge of a slip for example: it is made again from the declared values of
-// those.
+// A fit that explains the recordings with numbers of the rig beyond what the model allows for may
+// be in a local minimum, at the edge of a slip for example: it is made again from the declared
+// values of those. Instruments are left alone: a delay or gain that two channels share between them
+// would be below the limit in both.
 void retry_contradictions(const SearchData& data, FittedCandidate& each) {
   if (each.fitted.chi2_per_sample() > data.explained_chi2()) return;
+  const auto& paths = each.hypothesis->rig().parameter_paths();
   std::vector<double> z = each.fitted.z;
   for (std::size_t u = 0; u < z.size(); ++u) {
+    const Unknown& unknown = each.hypothesis->unknowns()[u];
     const bool is_beyond = std::abs(z[u]) > data.criteria.contradicted_sigmas;
-    if (is_beyond && each.hypothesis->unknowns()[u].of_model) z[u] = 0.0;
+    if (is_beyond && unknown.of_model && !physics::instrument_parameter(paths[unknown.parameter])) {
+      z[u] = 0.0;
+    }
   }
   if (z == each.fitted.z) return;
   Fit again =
