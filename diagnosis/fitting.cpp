@@ -300,9 +300,6 @@ void settle(SearchData& data, FittedCandidate& each) {
 
 void fit_thoroughly(const SearchData& data, std::span<FittedCandidate> candidates) {
   for (FittedCandidate& each : candidates) {
-    FitOptions states = brief_fit(2);
-    states.parameters_free = false;
-    each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, states);
     each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, brief_fit(4));
   }
   const std::vector<bool> beaten = beaten_in_brief_fits(data, candidates);
