@@ -21,14 +21,11 @@ namespace {
 constexpr double first_stage_share = 0.35;
 
 // Until a step gains less than about a tenth of a nat: gains and offsets that nearly cancel are a
-// direction in which a fit creeps, and their distance from the declared values is judged. Where
-// channels are weighed by residuals beyond the noise, all that the fit leaves is beyond it.
-FitOptions complete_fit(const SearchData& data) {
+// direction in which a fit creeps, and their distance from the declared values is judged.
+FitOptions complete_fit() {
   FitOptions options;
   options.iterations = 40;
-  options.excess_tolerance = 1.0e-2;
-  const bool is_weighed_by_noise = data.train.sigma == data.held_out.sigma;
-  options.tolerance = is_weighed_by_noise ? 3.0e-6 : options.excess_tolerance;
+  options.tolerance = 3.0e-6;
   return options;
 }
 
@@ -216,8 +213,7 @@ void retry_contradictions(const SearchData& data, FittedCandidate& each) {
     }
   }
   if (z == each.fitted.z) return;
-  Fit again =
-      fit(data.train, *each.hypothesis, std::move(z), each.fitted.state, complete_fit(data));
+  Fit again = fit(data.train, *each.hypothesis, std::move(z), each.fitted.state, complete_fit());
   if (again.cost < each.fitted.cost) each.fitted = std::move(again);
 }
 
@@ -267,11 +263,11 @@ FittedCandidate calibrate(SearchData& data, const physics::Model& model) {
   out.hypothesis.emplace(model, data.campaign);
   const std::vector<double> origin(out.hypothesis->unknowns().size(), 0.0);
   const auto guesses = initial_states(data.train, *out.hypothesis);
-  out.fitted = fit_from_many_starts(data.train, *out.hypothesis, origin, guesses, data.seed,
-                                    complete_fit(data));
+  out.fitted =
+      fit_from_many_starts(data.train, *out.hypothesis, origin, guesses, data.seed, complete_fit());
   if (out.fitted.chi2_per_sample() > data.explained_chi2()) {
     // Without the missing physics the beginnings of windows may lead elsewhere than all of them.
-    Fit at_once = fit(data.train, *out.hypothesis, origin, guesses, complete_fit(data));
+    Fit at_once = fit(data.train, *out.hypothesis, origin, guesses, complete_fit());
     if (at_once.cost < out.fitted.cost) out.fitted = std::move(at_once);
   }
   settle(data, out);
@@ -282,8 +278,7 @@ void settle(SearchData& data, FittedCandidate& each) {
   reweight(data.train, data.held_out.sigma, *each.hypothesis, each.fitted);
   weigh_by_noise(data, data.train);
   learn_noise(data, each);
-  each.fitted =
-      fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit(data));
+  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, complete_fit());
   retry_contradictions(data, each);
   const auto score = [&] {
     return held_out_score(data.held_out, *each.hypothesis, each.fitted.z, data.noise_is_known);
@@ -356,7 +351,7 @@ bool refit_from(const SearchData& data, const FittedCandidate& other, FittedCand
   Fit again =
       fit(data.train, hypothesis, carried_over(*other.hypothesis, other.fitted.z, hypothesis),
           warm_start_states(other.fitted.state, data.train, *other.hypothesis, hypothesis),
-          complete_fit(data));
+          complete_fit());
   if (!(again.cost < each.fitted.cost - 2.0)) return false;
   each.fitted = std::move(again);
   retry_contradictions(data, each);
