@@ -40,6 +40,16 @@ class SourcesTest : public testing::Test {
     description.rig = name;
     take(sender, protocol::recording_channel, description);
   }
+  /// A daemon that follows its predecessor at once, for 1.5 s in which `others` send, too.
+  void restart_at_once(const std::string& again, const std::vector<std::string>& others = {}) {
+    for (std::uint64_t i = 0; i < 15; ++i) {
+      now += 100ms;
+      if (i == 0) rig(again, "bench");
+      frames(again, 10 * i);
+      for (const std::string& other : others) frames(other, 10 + 10 * i);
+      sources.tick(now);
+    }
+  }
   /// First numbers of the blocks that a page has received, -1 for a restart.
   std::vector<std::int64_t> blocks(const std::string& wanted) {
     std::vector<std::int64_t> out;
@@ -135,13 +145,7 @@ TEST_F(SourcesTest, ADaemonThatIsRestartedAtOnceReplacesItsPredecessor) {
   rig(a, "bench");
   frames(a, 1000);
   const std::string again = "10.0.0.1:50000";
-  for (int i = 0; i < 15; ++i) {
-    now += 100ms;
-    if (i == 0) rig(again, "bench");
-    frames(again, 10 * static_cast<std::uint64_t>(i));
-    frames(b, 10 + 10 * static_cast<std::uint64_t>(i));
-    sources.tick(now);
-  }
+  restart_at_once(again, {b});
   const auto list = latest(a, "sources")["sources"];
   ASSERT_EQ(list.size(), 2U);
   EXPECT_EQ(list[1]["id"], again);
@@ -156,12 +160,7 @@ TEST_F(SourcesTest, ARestartedDaemonReplacesAPredecessorWhoseRigWasNeverNamed) {
   // Descriptions are repeated every few seconds; a server that has just started may have had none.
   frames(a, 1000);
   const std::string again = "10.0.0.1:50000";
-  for (int i = 0; i < 15; ++i) {
-    now += 100ms;
-    if (i == 0) rig(again, "bench");
-    frames(again, 10 * static_cast<std::uint64_t>(i));
-    sources.tick(now);
-  }
+  restart_at_once(again);
   EXPECT_EQ(latest(a, "sources")["sources"].size(), 1U);
   EXPECT_EQ(blocks(a).back(), 140) << "a page that chose the predecessor sees its successor";
 }
