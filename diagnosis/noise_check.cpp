@@ -113,40 +113,48 @@ double lagged_product(const ChannelResiduals& a, const ChannelResiduals& b, std:
   return sum;
 }
 
+// Products of a channel's innovations with its own, by lag up to half of the longest window.
+std::vector<double> own_products(const ChannelResiduals& each) {
+  std::size_t longest = 0;
+  for (const auto& window : each.innovations) longest = std::max(longest, window.size());
+  std::vector<double> out;
+  for (std::size_t lag = 0; lag <= longest / 2; ++lag) {
+    out.push_back(lagged_product(each, each, lag));
+  }
+  return out;
+}
+
 // True if a part of both channels that is not negligible follows one cause: instruments have noise
 // of their own, whatever its colour, and missing physics moves all of them. Up to a delay of
 // half a window, since a velocity is a quarter of a period ahead of its displacement. Innovations
 // that are not white correlate by chance as fewer samples do (Bartlett's formula).
-bool share_a_cause(const ChannelResiduals& a, const ChannelResiduals& b, const Criteria& criteria) {
-  const double of_a = lagged_product(a, a, 0);
-  const double of_b = lagged_product(b, b, 0);
-  if (!(of_a > 0.0) || !(of_b > 0.0)) return false;
-  std::size_t samples = 0;
-  std::size_t longest = 0;
-  for (const auto& window : a.innovations) {
-    samples += window.size();
-    longest = std::max(longest, window.size());
-  }
+bool share_a_cause(const ChannelResiduals& a, std::span<const double> own_a,
+                   const ChannelResiduals& b, std::span<const double> own_b,
+                   const Criteria& criteria) {
+  const double squares = own_a[0] * own_b[0];
+  if (!(squares > 0.0)) return false;
   double most = 0.0;
   double follow = 1.0;  // samples that carry the information of one
-  for (std::size_t lag = 0; lag <= longest / 2; ++lag) {
+  for (std::size_t lag = 0; lag < own_a.size(); ++lag) {
     const double ahead = lagged_product(a, b, lag);
     const double behind = lagged_product(b, a, lag);
     most = std::max({most, ahead * ahead, behind * behind});
-    if (lag > 0) {
-      follow += 2.0 * lagged_product(a, a, lag) * lagged_product(b, b, lag) / (of_a * of_b);
-    }
+    if (lag > 0) follow += 2.0 * own_a[lag] * own_b[lag] / squares;
   }
-  const double shared = most / (of_a * of_b);
+  std::size_t samples = 0;
+  for (const auto& window : a.innovations) samples += window.size();
+  const double shared = most / squares;
   return shared > criteria.negligible_share &&
          0.5 * shared * static_cast<double>(samples) / std::max(1.0, follow) >
              criteria.claim_nats();
 }
 
 bool any_share_a_cause(const ByChannel& residuals, const Criteria& criteria) {
+  std::array<std::vector<double>, predicted_channels> own;
+  std::ranges::transform(residuals, own.begin(), own_products);
   for (std::size_t c = 0; c < residuals.size(); ++c) {
     for (std::size_t d = c + 1; d < residuals.size(); ++d) {
-      if (share_a_cause(residuals[c], residuals[d], criteria)) return true;
+      if (share_a_cause(residuals[c], own[c], residuals[d], own[d], criteria)) return true;
     }
   }
   return false;
@@ -178,11 +186,10 @@ NoiseCheck noise_check(const Task& task, const Hypothesis& hypothesis, std::span
   const bool alike = is_alike(level, all_freedom / windows);
   if (is_above && !alike) return {};
   const ByChannel residuals = channel_residuals(task, hypothesis, z, fitted);
-  const bool is_shared = any_share_a_cause(residuals, criteria);
-  if (is_above && is_shared) return {};
+  if (is_above && any_share_a_cause(residuals, criteria)) return {};
   NoiseCheck out;
-  out.is_expected_noise =
-      is_expected && alike && !is_shared && scatters_as_noise(level, of_noise, windows);
+  out.is_expected_noise = is_expected && alike && scatters_as_noise(level, of_noise, windows) &&
+                          !any_share_a_cause(residuals, criteria);
   for (const Channel channel : all_channels) {
     if (index_of(channel) >= predicted_channels) continue;
     const ChannelResiduals& each = residuals[index_of(channel)];
