@@ -237,9 +237,27 @@ bool Search::listed_effect_remains() {
   });
 }
 
+// True if a fit puts a calibrated number of the rig beyond what the model allows for: it may stand
+// in for physics that is still missing, as damping does for a drag. Beside unlisted physics numbers
+// make up for what its formula leaves.
+bool Search::contradicts_rig(const FittedCandidate& each) const {
+  const auto is_listed = [](const Claim& claim) {
+    return tier_of(claim.candidate) == Tier::listed;
+  };
+  if (!std::ranges::all_of(claims_, is_listed)) return false;
+  const auto& paths = each.hypothesis->rig().parameter_paths();
+  for (std::size_t u = 0; u < each.fitted.z.size(); ++u) {
+    const Unknown& unknown = each.hypothesis->unknowns()[u];
+    const bool is_of_rig =
+        unknown.of_model && !physics::instrument_parameter(paths[unknown.parameter]);
+    if (is_of_rig && std::abs(each.fitted.z[u]) > data_.criteria.contradicted_sigmas) return true;
+  }
+  return false;
+}
+
 bool Search::is_complete() {
   return !claims_.empty() && current_.held_out.chi2 < data_.criteria.noise_floor_chi2 &&
-         !is_implausible() && !listed_effect_remains();
+         !is_implausible() && !contradicts_rig(current_) && !listed_effect_remains();
 }
 
 void Search::add_trial(const FittedCandidate& each, std::size_t stage, const HeldOut& before) {
@@ -596,15 +614,19 @@ bool Search::is_contradicted(const FittedCandidate& each) const {
   return distance > most && current_.total_loss() - each.total_loss() > 0.5 * most * most;
 }
 
+// A number that the recording contradicts is claimed, or the effect that ranks before it and leaves
+// none contradicted.
 bool Search::add_contradicted_number(std::vector<FittedCandidate> candidates) {
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (!is_contradicted(candidates[i])) continue;
-    move_to_front(candidates, i);
-    const FittedCandidate winner = candidates.front();
-    claim(winner, std::move(candidates));
-    return true;
-  }
-  return false;
+  const auto number = std::ranges::find_if(
+      candidates, [this](const FittedCandidate& each) { return is_contradicted(each); });
+  if (number == candidates.end()) return false;
+  const auto cause = std::find_if(candidates.begin(), number, [this](const FittedCandidate& each) {
+    return is_listed_effect(each.candidate) && !contradicts_rig(each);
+  });
+  move_to_front(candidates, static_cast<std::size_t>(cause - candidates.begin()));
+  const FittedCandidate winner = candidates.front();
+  claim(winner, std::move(candidates));
+  return true;
 }
 
 // The declared model with all claimed effects but one, at their fitted parameters; none where the
@@ -689,10 +711,15 @@ bool Search::swap_effect() {
   return false;
 }
 
-// True if the calibration without a freed number costs more than what a contradiction starts from.
-bool Search::is_contradiction(const HeldOut& without_number) const {
-  const double most = data_.criteria.contradicted_sigmas;
-  return without_number.prior_penalty - current_.held_out.prior_penalty > 0.5 * most * most;
+// True if the calibration without an effect costs more than what a contradiction starts from: that
+// of a freed number, or of an effect without which a number of the rig is contradicted.
+bool Search::is_contradiction(const Claim& claim, const FittedCandidate& without) const {
+  const double least = 0.5 * std::pow(data_.criteria.contradicted_sigmas, 2);
+  if (claim.candidate.is_number()) {
+    return without.held_out.prior_penalty - current_.held_out.prior_penalty > least;
+  }
+  return without.total_loss() - current_.total_loss() > least && contradicts_rig(without) &&
+         !contradicts_rig(current_);
 }
 
 // Drops an effect that the others do not need: it was claimed before them and imitated them.
@@ -701,7 +728,7 @@ bool Search::drop_effect(IsNeeded is_needed) {
   for (const Rest& each : rests()) {
     const auto is_kept = [&](const FittedCandidate& rest) {
       return (this->*is_needed)(rest.held_out, current_.held_out, least_gain(each)) ||
-             (claims_[each.dropped].candidate.is_number() && is_contradiction(rest.held_out));
+             is_contradiction(claims_[each.dropped], rest);
     };
     // An effect that is needed beside free instruments is needed all the more where they are held.
     if (is_kept(each.fitted)) continue;

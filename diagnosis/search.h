@@ -137,6 +137,7 @@ class Search {
   bool add_with_second(std::vector<FittedCandidate> firsts);
   std::vector<CandidateEffect> contradicted_instruments() const;
   bool add_contradicted_instrument();
+  bool contradicts_rig(const FittedCandidate& each) const;
   bool is_complete();
   bool listed_effect_remains();
   void add_trial(const FittedCandidate& each, std::size_t stage, const HeldOut& before);
@@ -151,7 +152,7 @@ class Search {
   void compare_beside_the_others();
   bool swap_effect();
   std::optional<std::pair<FittedCandidate, Claim>> better_in_place_of(const Rest& rest);
-  bool is_contradiction(const HeldOut& without_number) const;
+  bool is_contradiction(const Claim& claim, const FittedCandidate& without) const;
   // Of the loss without an effect and with it: true if more than the least gain is lost.
   using IsNeeded = bool (Search::*)(const HeldOut& without, const HeldOut& with,
                                     double least_chi2) const;

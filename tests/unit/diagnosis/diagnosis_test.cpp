@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <numeric>
 #include <set>
 
@@ -323,6 +324,23 @@ TEST(Diagnosis, SearchesTheCatalogueNoMoreOftenThanAllowed) {
   EXPECT_LE(got.findings.size(), 1U) << report_text(got);
   ASSERT_FALSE(got.trials.empty());
   for (const Trial& trial : got.trials) EXPECT_EQ(trial.stage, 0) << trial.id;
+}
+
+// All that dry friction leaves is within what its formula may leave.
+TEST(Diagnosis, ClaimsAContradictedNumberBesideAnEffect) {
+  auto declared = driven_mass();
+  declared.oscillator.damping_n_s_m->sigma = 0.025;
+  auto truth = with_term(driven_mass(), "dry_friction", {{"friction_force_n", {1.0}}});
+  truth.oscillator.damping_n_s_m->value += 4.0 * 0.025;
+  const auto steady = [](double time_s) { return 3.0 * std::sin(4.0 * std::numbers::pi * time_s); };
+  Options options;
+  options.threads = 2;
+  const Diagnosis got = diagnose({record(truth, 24.0, 1, true, steady)}, declared, options);
+  std::vector<std::string> names;
+  for (const Finding& finding : got.findings) names.push_back(finding.name());
+  EXPECT_THAT(names, testing::UnorderedElementsAre("dry_friction",
+                                                   "declared_value of oscillator.damping_n_s_m"))
+      << report_text(got);
 }
 
 // A drawn shape over the velocity takes both at once.
