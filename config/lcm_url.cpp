@@ -129,7 +129,7 @@ std::string wrong_with_lcm_url(const std::string& url) {
   const bool known = std::any_of(known_providers.begin(), known_providers.end(),
                                  [&url](const char* each) { return url.starts_with(each); });
   if (!known || url.find("://") == std::string::npos) {
-    return std::string(expected_url) + ", found \"" + url + "\"";
+    return std::string(expected_url).append(", found \"").append(url).append("\"");
   }
   return parse_lcm_url(url).provider == "udpm" ? wrong_with_multicast(url) : std::string();
 }

@@ -222,17 +222,17 @@ Finding check_isolated_processors(const Host& host) {
 
 Finding check_clock_source(const Host& host) {
   const std::string check = "clock source";
-  const std::string folder = "/sys/devices/system/clocksource/clocksource0/";
-  const auto current = host.read(folder + "current_clocksource");
+  const std::filesystem::path folder = "/sys/devices/system/clocksource/clocksource0";
+  const auto current = host.read(folder / "current_clocksource");
   if (!current) return {check, Verdict::note, "cannot be read", ""};
   for (const char* fast : {"tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page"}) {
     if (*current == fast)
       return {check, Verdict::ok, *current + ": read without a system call", ""};
   }
-  const std::string available = host.read(folder + "available_clocksource").value_or("");
+  const std::string available = host.read(folder / "available_clocksource").value_or("");
   return {check, Verdict::warn, *current + ": every clock reading is a system call",
           has_word(available, "tsc")
-              ? "echo tsc | sudo tee " + folder + "current_clocksource"
+              ? "echo tsc | sudo tee " + (folder / "current_clocksource").string()
               : "sudo dmesg | grep -i -e clocksource -e tsc   # why the kernel rejected tsc"};
 }
 
