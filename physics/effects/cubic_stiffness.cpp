@@ -46,7 +46,8 @@ class CubicStiffness final : public EffectOf<CubicStiffness> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p, const Place& /*place*/) const override {
-    return std::string("The spring ") + (p[0] > 0.0 ? "hardens" : "softens") +
+    const std::string_view way = p[0] > 0.0 ? "hardens" : "softens";
+    return "The spring " + std::string(way) +
            " with deflection: a force k3 x^3 with k3 = " + number_text(p[0]) + " N/m3.";
   }
 

@@ -46,7 +46,8 @@ class QuinticStiffness final : public EffectOf<QuinticStiffness> {
     return {{0.0}};
   }
   std::string statement(std::span<const double> p, const Place& /*place*/) const override {
-    return std::string("The spring ") + (p[0] > 0.0 ? "hardens" : "softens") +
+    const std::string_view way = p[0] > 0.0 ? "hardens" : "softens";
+    return "The spring " + std::string(way) +
            " at large deflections: a force k5 x^5 with k5 = " + number_text(p[0]) + " N/m5.";
   }
 
