@@ -163,6 +163,19 @@ bool is_determined(const FittedCandidate& each, const Criteria& criteria) {
   return of_either_sign == 0 || determined > 0;
 }
 
+std::vector<std::size_t> contradicted_rig_unknowns(const FittedCandidate& each,
+                                                   const Criteria& criteria) {
+  const auto& paths = each.hypothesis->rig().parameter_paths();
+  std::vector<std::size_t> out;
+  for (std::size_t u = 0; u < each.fitted.z.size(); ++u) {
+    const Unknown& unknown = each.hypothesis->unknowns()[u];
+    const bool is_of_rig =
+        unknown.of_model && !physics::instrument_parameter(paths[unknown.parameter]);
+    if (is_of_rig && std::abs(each.fitted.z[u]) > criteria.contradicted_sigmas) out.push_back(u);
+  }
+  return out;
+}
+
 bool acts_by_its_states_alone(const FittedCandidate& each, const Criteria& criteria) {
   const auto unknowns = static_cast<Eigen::Index>(each.hypothesis->unknowns().size());
   if (each.fitted.covariance.rows() != unknowns) return false;  // not fitted to its end

@@ -56,6 +56,11 @@ std::string statement_of(const FittedCandidate& each);
 /// not been observed to slip: it imitates a spring.
 bool is_determined(const FittedCandidate& each, const Criteria& criteria);
 
+/// Unknowns that are calibrated numbers of the rig, not of its instruments, and that the fit puts
+/// beyond what the model allows for.
+std::vector<std::size_t> contradicted_rig_unknowns(const FittedCandidate& each,
+                                                   const Criteria& criteria);
+
 /// True for an effect with sizes of either sign that are all none within their uncertainty: it
 /// gains by the states that it adds, which are free in every window. A mode that nothing excites
 /// follows any hum.

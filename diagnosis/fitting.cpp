@@ -203,16 +203,10 @@ void learn_noise(SearchData& data, const FittedCandidate& each) {
 // would be below the limit in both.
 void retry_contradictions(const SearchData& data, FittedCandidate& each) {
   if (each.fitted.chi2_per_sample() > data.explained_chi2()) return;
-  const auto& paths = each.hypothesis->rig().parameter_paths();
+  const std::vector<std::size_t> contradicted = contradicted_rig_unknowns(each, data.criteria);
+  if (contradicted.empty()) return;
   std::vector<double> z = each.fitted.z;
-  for (std::size_t u = 0; u < z.size(); ++u) {
-    const Unknown& unknown = each.hypothesis->unknowns()[u];
-    const bool is_beyond = std::abs(z[u]) > data.criteria.contradicted_sigmas;
-    if (is_beyond && unknown.of_model && !physics::instrument_parameter(paths[unknown.parameter])) {
-      z[u] = 0.0;
-    }
-  }
-  if (z == each.fitted.z) return;
+  for (const std::size_t unknown : contradicted) z[unknown] = 0.0;
   Fit again = fit(data.train, *each.hypothesis, std::move(z), each.fitted.state, complete_fit());
   if (again.cost < each.fitted.cost) each.fitted = std::move(again);
 }

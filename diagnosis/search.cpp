@@ -244,15 +244,8 @@ bool Search::contradicts_rig(const FittedCandidate& each) const {
   const auto is_listed = [](const Claim& claim) {
     return tier_of(claim.candidate) == Tier::listed;
   };
-  if (!std::ranges::all_of(claims_, is_listed)) return false;
-  const auto& paths = each.hypothesis->rig().parameter_paths();
-  for (std::size_t u = 0; u < each.fitted.z.size(); ++u) {
-    const Unknown& unknown = each.hypothesis->unknowns()[u];
-    const bool is_of_rig =
-        unknown.of_model && !physics::instrument_parameter(paths[unknown.parameter]);
-    if (is_of_rig && std::abs(each.fitted.z[u]) > data_.criteria.contradicted_sigmas) return true;
-  }
-  return false;
+  return std::ranges::all_of(claims_, is_listed) &&
+         !contradicted_rig_unknowns(each, data_.criteria).empty();
 }
 
 bool Search::is_complete() {
