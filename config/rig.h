@@ -30,6 +30,7 @@ struct SimulatedDriver {
   double step_s = 1.0e-4;
   double shaker_bandwidth_hz = 60.0;  ///< reconstruction filter and shaker, 4-pole low-pass
   std::array<double, channel_count> resolution{};  ///< quantisation step, SI; 0: none
+  std::array<bool, channel_count> absent{};        ///< without an instrument
   std::filesystem::path
       relay;              ///< socket of a watchdog relay in place of the amplifier; empty: none
   bool real_time = true;  ///< false: simulated time, as fast as possible

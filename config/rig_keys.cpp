@@ -63,6 +63,9 @@ constexpr std::array driver_table = {
             .unit = "the channel's",
             .sentence = "Quantisation step of the converter; 0: none.",
             .low = 0}),
+    bound<&Rig::simulated, &SimulatedDriver::absent, by_channel>(
+        Key{.path = "driver.simulated.absent.*",
+            .sentence = "True: the rig has no instrument for this channel."}),
     bound<&Rig::replay, &ReplayDriver::recording>(
         Key{.path = "driver.replay.recording",
             .sentence = "Recording to play: CSV or LCM event log.",

@@ -30,6 +30,15 @@ int steps_of(double period_s) {
   return std::max(1, static_cast<int>(std::ceil(period_s / max_shaker_step_s - 1.0e-9)));
 }
 
+// The bits of the channels for which the rig has an instrument.
+std::uint8_t present_channels(const config::SimulatedDriver& settings) {
+  std::uint8_t out = 0;
+  for (std::size_t c = 0; c < channel_count; ++c) {
+    if (!settings.absent[c]) out = static_cast<std::uint8_t>(out | 1U << c);
+  }
+  return out;
+}
+
 }  // namespace
 
 struct SimulatedDriver::Bench {
@@ -37,8 +46,18 @@ struct SimulatedDriver::Bench {
       : excitation(settings.truth.oscillator.excitation),
         steps(steps_of(period_s)),
         step_s(period_s / steps),
+        present(present_channels(settings)),
         simulator(settings.truth, options_of(settings)),
         shaker(excitation, settings.shaker_bandwidth_hz, period_s, steps) {}
+
+  Frame read() {
+    Frame out = simulator.read();
+    out.valid &= present;
+    for (std::size_t c = 0; c < channel_count; ++c) {
+      if (!((present >> c) & 1U)) out.value[c] = 0.0;
+    }
+    return out;
+  }
 
   void move() {
     shaker.begin_cycle();
@@ -58,6 +77,7 @@ struct SimulatedDriver::Bench {
   physics::Excitation excitation;
   int steps;
   double step_s;
+  std::uint8_t present;
   physics::RigSimulator simulator;
   Shaker shaker;
   std::uint64_t next = 0;
@@ -81,7 +101,7 @@ Result SimulatedDriver::open() {
   try {
     auto bench = std::make_unique<Bench>(settings_, period_s_);
     // The channels are those of a first reading, of a copy: the bench itself is unchanged.
-    description_.channels = Bench(settings_, period_s_).simulator.read().valid;
+    description_.channels = Bench(settings_, period_s_).read().valid;
     bench_ = std::move(bench);
   } catch (const std::exception& error) {
     refusal_ = std::string("the true model of the simulated rig is invalid: ") + error.what();
@@ -111,7 +131,7 @@ Result SimulatedDriver::read(Frame& frame) {
   if (!running_) return {Outcome::fatal, "read of a simulated rig that is not started"};
   Bench& bench = *bench_;
   if (bench.next > 0) bench.move();
-  Frame reading = bench.simulator.read();
+  Frame reading = bench.read();
   reading.sequence = bench.next++;
   reading.time_ns = std::llround(static_cast<double>(reading.sequence) * period_s_ * 1.0e9);
   for (const double value : reading.value) {

@@ -84,7 +84,7 @@ double force_limit_n(const Model& model) {
 
 std::optional<HiddenRig> rig_of(const Case& made) {
   if (made.declared.oscillator.excitation == physics::Excitation::imposed) return std::nullopt;
-  HiddenRig out{made.truth, made.declared, made.declared};
+  HiddenRig out{made.truth, made.declared, made.declared, made.recording.channels};
   set_true_numbers(made.truth, out.actual);
   for (const TrueEffect& hidden : made.truth.effects) {
     const auto term = term_of(hidden);
@@ -112,7 +112,12 @@ std::string rig_text(const HiddenRig& rig, const std::string& truth_file) {
   out += "schema = 1\n\n[rig]\nname = \"" + rig.truth.name + "\"\nmodel = \"model.toml\"\n\n";
   out += "[driver]\nkind = \"simulated\"\n\n[driver.simulated]\ntruth = \"" + truth_file +
          "\"\nseed = " + std::to_string(rig.truth.seed) + "\n\n";
-  out += "[loop]\nrate_hz = " + number(rig.truth.sample_rate_hz) + "\n\n";
+  out += "[driver.simulated.absent]\n";
+  for (const Channel channel : all_channels) {
+    if ((rig.channels >> index_of(channel)) & 1U) continue;
+    out += std::string(info(channel).stem) + " = true\n";
+  }
+  out += "\n[loop]\nrate_hz = " + number(rig.truth.sample_rate_hz) + "\n\n";
   out += "[excitation]\nenabled = true\ncarrier_hz = " +
          number(rounded(natural_hz(rig.declared.oscillator), 3)) +
          "\namplitude = " + number(0.25 * most) + "\n\n[limits]\n";

@@ -15,6 +15,7 @@ struct HiddenRig {
   GroundTruth truth;
   physics::Model declared;
   physics::Model actual;
+  std::uint8_t channels = 0;  ///< bits of those that the case records: the rig has no others
 };
 
 /// The rig of a case. Nothing where its motion is imposed, or where its physics is not of the

@@ -17,6 +17,7 @@ Case driven_case() {
   model.oscillator.natural_frequency_hz = physics::Parameter{2.4, 0.05};
   model.oscillator.damping_ratio = physics::Parameter{0.02, 0.004};
   model.sensors[index_of(Channel::displacement)].noise_std = 1.0e-5;
+  out.recording.channels = 1U << index_of(Channel::displacement);
   out.truth.name = "case-001";
   out.truth.seed = 5;
   out.truth.sample_rate_hz = 500.0;
@@ -49,6 +50,8 @@ TEST(HiddenRig, TheConfigurationNamesTheTruthAndDoesNotContainIt) {
   const std::string text = rig_text(*rig_of(driven_case()), "../truth/case-001.toml");
   EXPECT_THAT(text, HasSubstr("truth = \"../truth/case-001.toml\""));
   EXPECT_THAT(text, HasSubstr("displacement_m = 0.012"));
+  EXPECT_THAT(text, HasSubstr("velocity = true")) << "absent, as in the recording of the case";
+  EXPECT_THAT(text, Not(HasSubstr("\ndisplacement = true")));
   EXPECT_THAT(text, Not(HasSubstr("cubic")));
   EXPECT_THAT(text, Not(HasSubstr("14.1")));
 }

@@ -113,6 +113,18 @@ TEST(SimulatedDriver, ReadingsAreQuantised) {
   }
 }
 
+TEST(SimulatedDriver, AnAbsentChannelIsNeverValid) {
+  config::SimulatedDriver settings = shipped().simulated;
+  settings.absent[index_of(Channel::velocity)] = true;
+  SimulatedDriver driver(settings, period_s);
+  for (const Frame& frame : run(driver, 50)) {
+    ASSERT_FALSE(frame.has(Channel::velocity));
+    ASSERT_EQ(frame[Channel::velocity], 0.0);
+    ASSERT_TRUE(frame.has(Channel::displacement));
+  }
+  EXPECT_EQ(driver.description().channels & (1U << index_of(Channel::velocity)), 0U);
+}
+
 TEST(SimulatedDriver, RestsWhenStoppedAndContinuesFromThere) {
   config::SimulatedDriver settings = shipped().simulated;
   settings.noise = false;
