@@ -84,6 +84,23 @@ class BlindExamination(EndToEnd):
                             "model-instruments.toml").stdout
         self.assertIn("--model-name 'model-instruments.toml'", jobs)
 
+    def test_a_sealed_rig_is_studied(self):
+        folder = self.conceal("rigs", "--rig", "--effect", "dry_friction")
+        grades = self.folder / "rigs.json"
+        shown = self.succeed("examine", folder, "--rig-time-s", 17, "--json", grades).stdout
+        self.assertIn("sealed rigs", shown)
+        (case,) = read_json(grades)["cases"]
+        self.assertEqual(case["problem"], "")
+        self.assertEqual(case["study"]["runs"], 1)
+        self.assertEqual(case["study"]["rig_time_s"], 17)
+        self.assertLess(case["study"]["used_share"], 1)
+        self.assertTrue((folder / "reports" / "case-001" / "study.html").exists())
+        # The report of one run is not that of another sequence of runs.
+        same = self.succeed("examine", folder, "--rig-time-s", 17, "--job-list", "-").stdout
+        self.assertEqual(same, "")
+        jobs = self.succeed("examine", folder, "--rig-time-s", 17, "--runs", "usual", "--job-list", "-")
+        self.assertIn("--runs usual --rig-time-s 17", jobs.stdout)
+
     def test_set_depends_on_the_seed(self):
         one = self.conceal("one", "--effect", "gain_error")
         two = self.conceal("two", "--effect", "gain_error")

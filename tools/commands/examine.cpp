@@ -12,6 +12,7 @@
 #include "config/campaign.h"
 #include "config/model_file.h"
 #include "config/named_files.h"
+#include "config/rig.h"
 #include "diagnosis/diagnosis.h"
 #include "diagnosis/evaluation.h"
 #include "diagnosis/parallel/for_each.h"
@@ -32,6 +33,7 @@
 #include "tools/files/outputs.h"
 #include "tools/files/read_file.h"
 #include "tools/files/write_file.h"
+#include "tools/rig_access/sealed_rig.h"
 #include "tools/terminal/page.h"
 #include "tools/terminal/progress.h"
 
@@ -54,14 +56,18 @@ struct Arguments {
   std::string job_list;
   std::vector<std::string> only;
   bool alone = false;
+  double rig_time_s = 300.0;
+  std::string runs = "designed";
   double false_alarm_rate = diagnosis::Criteria{}.false_alarm_rate;
   std::uint64_t seed = 1;
   int jobs = 0;
 };
 
 constexpr const char* campaign_name = "campaign.toml";
+constexpr const char* rig_name = "rig.toml";
 
 bool is_campaign(const fs::path& folder) { return fs::is_regular_file(folder / campaign_name); }
+bool is_rig(const fs::path& folder) { return fs::is_regular_file(folder / rig_name); }
 
 // Folders of a campaign's recordings, for a diagnosis of each alone: "case-001/run-1".
 std::vector<std::string> runs_of(const fs::path& set, const std::string& name,
@@ -88,6 +94,13 @@ std::string origin_of(const fs::path& folder, const Arguments& arguments) {
     }
     return protocol::sha256_of(inputs);
   }
+  if (is_rig(folder)) {
+    const config::Rig rig = config::load_rig(folder / rig_name);
+    inputs += content_of(folder / rig_name) + content_of(folder / arguments.model_name) +
+              content_of(rig.simulated.truth_file) + arguments.runs + " " +
+              physics::shortest_text(arguments.rig_time_s);
+    return protocol::sha256_of(inputs);
+  }
   inputs += content_of(folder / "recording.csv") + content_of(folder / arguments.model_name);
   if (fs::exists(folder / "validation.csv")) inputs += content_of(folder / "validation.csv");
   return protocol::sha256_of(inputs);
@@ -96,8 +109,8 @@ std::string origin_of(const fs::path& folder, const Arguments& arguments) {
 std::vector<std::string> cases_of(const Arguments& arguments) {
   if (!fs::is_directory(arguments.set)) {
     throw InputError(Problem{arguments.set, 0, 0,
-                             "is not a folder; expected a set of folders with recording.csv and " +
-                                 arguments.model_name});
+                             "is not a folder; expected a set of folders with recording.csv or " +
+                                 std::string(rig_name) + " and " + arguments.model_name});
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(arguments.set)) {
@@ -106,16 +119,16 @@ std::vector<std::string> cases_of(const Arguments& arguments) {
       const auto runs = arguments.alone ? runs_of(arguments.set, name, arguments.model_name)
                                         : std::vector<std::string>{name};
       names.insert(names.end(), runs.begin(), runs.end());
-    } else if (fs::is_regular_file(entry.path() / "recording.csv") &&
+    } else if ((fs::is_regular_file(entry.path() / "recording.csv") || is_rig(entry.path())) &&
                fs::is_regular_file(entry.path() / arguments.model_name)) {
       names.push_back(name);
     }
   }
   std::sort(names.begin(), names.end());
   if (names.empty()) {
-    throw InputError(Problem{
-        arguments.set, 0, 0,
-        "contains no case; expected folders with recording.csv and " + arguments.model_name});
+    throw InputError(Problem{arguments.set, 0, 0,
+                             "contains no case; expected folders with recording.csv or " +
+                                 std::string(rig_name) + " and " + arguments.model_name});
   }
   if (arguments.only.empty()) return names;
   for (const std::string& name : arguments.only) {
@@ -131,6 +144,7 @@ struct Outcome {
   Json report;
   std::optional<double> before;
   std::optional<double> after;
+  Json study;  // of a sealed rig
   double seconds = 0.0;
   std::string problem;
 };
@@ -142,6 +156,7 @@ Outcome outcome_of(const Json& kept) {
     out.before = kept.at("validation").at("before").get<double>();
     out.after = kept.at("validation").at("after").get<double>();
   }
+  out.study = kept.value("study", Json());
   out.seconds = kept.at("seconds").get<double>();
   return out;
 }
@@ -156,8 +171,44 @@ std::optional<Outcome> stored(const fs::path& file, const std::string& origin) {
   return outcome_of(kept);
 }
 
+investigation::StudySettings study_settings(const Arguments& arguments) {
+  investigation::StudySettings out;
+  out.budget_s = arguments.rig_time_s;
+  out.seed = arguments.seed;
+  out.usual_runs = arguments.runs != "designed";
+  if (arguments.runs == "one") {
+    out.shortest_s = arguments.rig_time_s - out.overhead_s;
+    out.longest_s = out.shortest_s;
+  }
+  return out;
+}
+
+// The study of a sealed rig, in a folder beside its report.
+Outcome investigate(const fs::path& folder, const fs::path& file, const std::string& origin,
+                    const Arguments& arguments, const Outputs& outputs) {
+  const auto start = std::chrono::steady_clock::now();
+  const fs::path place = fs::path(file).replace_extension();
+  const auto found = rig_access::study_of_sealed_rig(
+      folder / rig_name, folder / arguments.model_name, place, study_settings(arguments), {});
+  const investigation::Study& study = found.study;
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+  const auto report_of = [&place](const investigation::Step& step) {
+    return Json::parse(content_of(place / step.name / "report.json"));
+  };
+  Json kept = {{"origin", origin}, {"seconds", elapsed.count()}, {"validation", nullptr}};
+  kept["report"] = study.steps.empty() ? Json() : report_of(study.steps.back());
+  kept["study"] = {{"runs", study.steps.size()},
+                   {"rig_time_s", study.rig_time_s()},
+                   {"ending", name_of(study.ending)},
+                   {"used_share", found.used_share},
+                   {"first", study.steps.empty() ? Json() : report_of(study.steps.front())}};
+  outputs.write(file, Form::json, protocol::json_text(kept) + "\n");
+  return outcome_of(kept);
+}
+
 Outcome examine(const fs::path& folder, const fs::path& file, const std::string& origin,
                 const Arguments& arguments, const Outputs& outputs) {
+  if (is_rig(folder)) return investigate(folder, file, origin, arguments, outputs);
   const auto start = std::chrono::steady_clock::now();
   diagnosis::Options options;
   options.seed = arguments.seed;
@@ -250,7 +301,12 @@ void write_job_list(const Arguments& arguments, const Folders& folders,
              quoted(folders.reports.string()) + " --model-name " + quoted(arguments.model_name) +
              " --seed " + std::to_string(arguments.seed) + " --false-alarm-rate " +
              physics::shortest_text(arguments.false_alarm_rate) +
-             (arguments.alone ? " --alone" : "") + " --jobs 1\n";
+             (arguments.alone ? " --alone" : "");
+    if (is_rig(folders.set / name)) {
+      lines += " --runs " + arguments.runs + " --rig-time-s " +
+               physics::shortest_text(arguments.rig_time_s);
+    }
+    lines += " --jobs 1\n";
     ++count;
   }
   outputs.write(arguments.job_list, Form::plain, lines);
@@ -314,6 +370,9 @@ std::vector<concealment::Grade> grades_of(const Folders& folders,
     check_seal(truth_file, folders.seal_of(names[i]));
     grades.push_back(concealment::grade(truth, outcomes[i].report));
     concealment::Grade& grade = grades.back();
+    if (outcomes[i].study.is_object()) {
+      grade.study = concealment::study_grade(truth, outcomes[i].study);
+    }
     grade.validation_before = outcomes[i].before;
     grade.validation_after = outcomes[i].after;
     if (!truth.validation_graded) grade.validation_before.reset();
@@ -330,7 +389,7 @@ std::vector<std::string> inputs_of(const Folders& folders, const std::string& mo
   std::vector<std::string> out;
   for (const std::string& name : names) {
     for (const std::string& file : {std::string("recording.csv"), std::string("validation.csv"),
-                                    model_name, std::string("seal.txt")}) {
+                                    std::string(rig_name), model_name, std::string("seal.txt")}) {
       out.push_back((folders.set / name / file).string());
     }
     out.push_back(folders.truth_of(name).string());
@@ -369,7 +428,9 @@ int run(const Arguments& arguments, Outputs outputs) {
 void add_examine(CLI::App& app, Action& action) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* command =
-      app.add_subcommand("examine", "Diagnose a set of concealed recordings and grade the reports");
+      app.add_subcommand("examine",
+                         "Diagnose a set of concealed recordings, or study a set of "
+                         "sealed rigs, and grade the reports");
   add_input(*command, "DIR", arguments->set, "Folder of the set, as written by `stickslip conceal`")
       ->required()
       ->type_name("DIR");
@@ -390,6 +451,15 @@ void add_examine(CLI::App& app, Action& action) {
              "Slurm array); -: standard output");
   command->add_flag("--alone", arguments->alone,
                     "Diagnose each recording of a campaign by itself, for comparison");
+  command
+      ->add_option("--runs", arguments->runs,
+                   "Runs of a sealed rig: designed for what is left open; the usual ones in "
+                   "sequence; or one of the whole rig time, a modulated sine")
+      ->check(CLI::IsMember({"designed", "usual", "one"}))
+      ->capture_default_str();
+  command->add_option("--rig-time-s", arguments->rig_time_s, "Rig time of each sealed rig [s]")
+      ->check(number_that([](double v) { return v >= 9.0 && v <= 603.0; }, "9 to 603"))
+      ->capture_default_str();
   add_false_alarm_rate_option(*command, arguments->false_alarm_rate);
   add_seed_option(*command, arguments->seed);
   add_jobs_option(*command, arguments->jobs);

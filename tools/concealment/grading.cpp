@@ -210,4 +210,21 @@ Rate rate_interval(int hits, int count) {
   return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
 }
 
+StudyGrade study_grade(const GroundTruth& truth, const Json& study) {
+  constexpr double certain = 0.95;
+  StudyGrade out;
+  out.runs = study.at("runs").get<int>();
+  out.rig_time_s = study.at("rig_time_s").get<double>();
+  out.used_share = study.at("used_share").get<double>();
+  const Json& first = study.at("first");
+  const bool is_right = grade(truth, first).first_right;
+  if (truth.effects.empty()) {
+    out.open_after_first = !is_right;
+    return out;
+  }
+  out.open_after_first =
+      !is_right || first.at("findings").front().at("probability").get<double>() < certain;
+  return out;
+}
+
 }  // namespace stickslip::concealment

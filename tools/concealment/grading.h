@@ -12,6 +12,15 @@
 
 namespace stickslip::concealment {
 
+/// Of the study of a sealed rig.
+struct StudyGrade {
+  int runs = 0;
+  double rig_time_s = 0.0;
+  double used_share = 0.0;  ///< of limits and ranges, by the readings
+  /// After the first run the first finding is wrong, or has less than 95 %.
+  bool open_after_first = false;
+};
+
 struct Grade {
   std::string name;
   std::string kind;
@@ -40,12 +49,16 @@ struct Grade {
   std::optional<double> validation_after;
   std::vector<std::string> nuisances;  ///< imperfections of the instruments; empty: ideal
   std::optional<double> snr;           ///< size of a single effect over the noise
+  std::optional<StudyGrade> study;
   double seconds = 0.0;
   std::string problem;  ///< reason for a missing report
 };
 
 /// `report`: docs/formats.md, section 5; null if there is none.
 Grade grade(const GroundTruth& truth, const nlohmann::ordered_json& report);
+
+/// `study`: as `examine` keeps it, with the report after the first run.
+StudyGrade study_grade(const GroundTruth& truth, const nlohmann::ordered_json& study);
 
 /// A table with one line per hidden effect, the confusions (hidden against reported effects), the
 /// tables by nuisance and by size of the effect, and the rates with their 95 % intervals.

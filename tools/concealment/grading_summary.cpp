@@ -313,6 +313,65 @@ Json detection_json(std::span<const Grade> grades) {
   return json;
 }
 
+// Studies of sealed rigs whose physics the first run left open, and of all.
+struct StudyRow {
+  std::string_view name;
+  Tally first{};
+  Tally exact{};
+  std::vector<double> runs{}, rig_time_s{};
+  double used_share = 0.0;
+  void add(const Grade& g) {
+    first.add(g.first_right);
+    exact.add(g.exact);
+    runs.push_back(g.study->runs);
+    rig_time_s.push_back(g.study->rig_time_s);
+    used_share = std::max(used_share, g.study->used_share);
+  }
+};
+
+std::vector<StudyRow> study_rows(std::span<const Grade> grades) {
+  StudyRow open{"open after one"};
+  StudyRow all{"all"};
+  for (const Grade& g : grades) {
+    if (!g.study) continue;
+    all.add(g);
+    if (g.study->open_after_first) open.add(g);
+  }
+  if (all.runs.empty()) return {};
+  return {std::move(open), std::move(all)};
+}
+
+std::string study_text(std::span<const Grade> grades) {
+  const std::vector<StudyRow> rows = study_rows(grades);
+  if (rows.empty()) return "";
+  char line[200];
+  std::snprintf(line, sizeof line, "\n%-15s %4s %7s %7s %5s %10s %11s\n", "sealed rigs", "n",
+                "first", "exact", "runs", "rig time s", "of limits");
+  std::string text = line;
+  for (const StudyRow& row : rows) {
+    std::snprintf(line, sizeof line, "%-15s %4zu %7s %7s %5.3g %10.4g %9.0f %%\n",
+                  std::string(row.name).c_str(), row.runs.size(), share_text(row.first).c_str(),
+                  share_text(row.exact).c_str(), median(row.runs), median(row.rig_time_s),
+                  100.0 * row.used_share);
+    text += line;
+  }
+  return text;
+}
+
+Json study_json(std::span<const Grade> grades) {
+  Json json = Json::array();
+  for (const StudyRow& row : study_rows(grades)) {
+    json.push_back({{"rigs", row.name},
+                    {"studies", row.runs.size()},
+                    {"named_first", row.first.hits},
+                    {"exact", row.exact.hits},
+                    {"median_runs", median(row.runs)},
+                    {"median_rig_time_s", median(row.rig_time_s)},
+                    {"largest_share_of_limits", row.used_share}});
+  }
+  return json;
+}
+
 std::string rates_text(std::span<const Grade> grades) {
   std::string text;
   char line[240];
@@ -331,7 +390,7 @@ std::string rates_text(std::span<const Grade> grades) {
 
 std::string summary_text(std::span<const Grade> grades) {
   std::string text = table_text(grades) + confusion_text(grades) + nuisance_text(grades) +
-                     detection_text(grades) + "\n" + rates_text(grades);
+                     detection_text(grades) + study_text(grades) + "\n" + rates_text(grades);
   for (const Grade& g : grades) {
     if (!g.problem.empty()) text += g.name + ": " + g.problem + "\n";
   }
@@ -349,32 +408,39 @@ Json summary_json(std::span<const Grade> grades) {
   }
   json["by_nuisance"] = nuisance_json(grades);
   json["by_snr"] = detection_json(grades);
+  json["studies"] = study_json(grades);
   json["cases"] = Json::array();
   const auto or_null = [](const auto& value) { return value ? Json(*value) : Json(nullptr); };
   for (const Grade& g : grades) {
-    json["cases"].push_back({{"name", g.name},
-                             {"kind", g.kind},
-                             {"hidden", g.hidden},
-                             {"named", g.named},
-                             {"verdict", g.verdict},
-                             {"first_right", g.first_right},
-                             {"exact", g.exact},
-                             {"relation_right", g.relation_right},
-                             {"channel_right", or_null(g.channel_right)},
-                             {"depends_right", or_null(g.depends_right)},
-                             {"overlap", or_null(g.overlap)},
-                             {"found", g.found},
-                             {"nuisances", g.nuisances},
-                             {"snr", or_null(g.snr)},
-                             {"parameters", g.parameters},
-                             {"within_tolerance", g.within_tolerance},
-                             {"covered", g.covered},
-                             {"chi2_before", or_null(g.chi2_before)},
-                             {"chi2_after", or_null(g.chi2_after)},
-                             {"validation_before", or_null(g.validation_before)},
-                             {"validation_after", or_null(g.validation_after)},
-                             {"seconds", g.seconds},
-                             {"problem", g.problem}});
+    json["cases"].push_back(
+        {{"name", g.name},
+         {"kind", g.kind},
+         {"hidden", g.hidden},
+         {"named", g.named},
+         {"verdict", g.verdict},
+         {"first_right", g.first_right},
+         {"exact", g.exact},
+         {"relation_right", g.relation_right},
+         {"channel_right", or_null(g.channel_right)},
+         {"depends_right", or_null(g.depends_right)},
+         {"overlap", or_null(g.overlap)},
+         {"found", g.found},
+         {"nuisances", g.nuisances},
+         {"snr", or_null(g.snr)},
+         {"parameters", g.parameters},
+         {"within_tolerance", g.within_tolerance},
+         {"covered", g.covered},
+         {"chi2_before", or_null(g.chi2_before)},
+         {"chi2_after", or_null(g.chi2_after)},
+         {"validation_before", or_null(g.validation_before)},
+         {"validation_after", or_null(g.validation_after)},
+         {"study", g.study ? Json{{"runs", g.study->runs},
+                                  {"rig_time_s", g.study->rig_time_s},
+                                  {"used_share", g.study->used_share},
+                                  {"open_after_first", g.study->open_after_first}}
+                           : Json(nullptr)},
+         {"seconds", g.seconds},
+         {"problem", g.problem}});
   }
   return json;
 }

@@ -2,17 +2,20 @@
 #include "tools/investigation/campaign.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 
 #include "config/model_file.h"
+#include "diagnosis/report/headline.h"
 #include "protocol/recording.h"
 
 namespace stickslip::investigation {
 
 namespace {
 
-// Beside the fitted model of each hypothesis: what the others leave open is small.
-constexpr std::size_t posterior_axes = 6;
+// All of them: in a run of another kind a combination that the last ones have determined well may
+// matter more than all that they left open.
+constexpr std::size_t posterior_axes = std::numeric_limits<std::size_t>::max();
 
 std::shared_ptr<const physics::Campaign> campaign_of(const Study& study, std::size_t count) {
   if (count < 2) return nullptr;
@@ -58,6 +61,7 @@ std::string campaign_text(const Study& study) {
 Step answered(Step step, const diagnosis::Diagnosis& result) {
   step.answered = true;
   step.verdict = diagnosis::name_of(result.verdict);
+  step.partial = report::answer_of(result) == report::Answer::partial;
   step.chi2 =
       result.augmented ? result.augmented->chi2_per_sample : result.baseline.chi2_per_sample;
   step.least_probability = 1.0;

@@ -43,7 +43,9 @@ std::string least_words(const Step& last) {
 
 bool is_named(const Study& study, std::size_t steps) {
   const Step& last = study.steps[steps - 1];
-  if (last.verdict == "missing_physics") return last.least_probability >= study.settings.certain;
+  if (last.verdict == "missing_physics") {
+    return !last.partial && last.least_probability >= study.settings.certain;
+  }
   return last.verdict == "consistent" && steps >= 2 && !last.standing.empty() &&
          last.standing.front().id == "nothing" &&
          last.standing.front().probability >= study.settings.certain;
@@ -67,7 +69,7 @@ Decision decide(const Study& study, std::size_t steps, const std::optional<NextR
                                 number_text(used_s, 4) + " of " +
                                 number_text(settings.budget_s, 4) + " s are used"};
   }
-  if (steps == 0) return {};
+  if (steps == 0 || settings.usual_runs) return {};
   const bool asks = study.steps[steps - 1].standing.size() > 1;
   if (asks && next->question.gain < settings.least_gain) {
     return {Ending::no_gain, "the best run would resolve " + percent_text(next->question.gain) +

@@ -26,6 +26,7 @@ using report::plain_text;
 
 // "missing physics"
 std::string verdict_words(const Step& step) {
+  if (step.partial) return "part of the missing physics";
   std::string out = step.verdict;
   std::replace(out.begin(), out.end(), '_', ' ');
   return out;

@@ -110,11 +110,13 @@ std::optional<NextRun> next_run(const Study& study, std::size_t steps,
   request.separation.horizon_s = result.horizon_s;
   request.made = made(study, steps);
   std::optional<design::DesignedRun> designed;
-  if (request.hypotheses.size() > 1) {
+  const bool usual = study.settings.usual_runs;
+  if (request.hypotheses.size() > 1 && !usual) {
     designed = design::best_run(request);
   } else {
     for (const design::RunPlan& run : design::usual_runs()) {
-      if (was_made(run, request.made) || run.family == request.made.back().family) continue;
+      const bool is_like_last = run.family == request.made.back().family;
+      if (was_made(run, request.made) || (is_like_last && !usual)) continue;
       designed = design::evaluated(request, run);
       if (designed) break;
     }

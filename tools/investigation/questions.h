@@ -30,7 +30,8 @@ std::optional<NextRun> first_run(const Study& study, const physics::Model& model
                                  const QuestionOptions& options);
 
 /// The run after `steps` of the study, which left the hypotheses of `result`: the best one, or,
-/// where one hypothesis is left, the next usual one that was not made.
+/// where one hypothesis is left, the next usual one of another family that was not made. With
+/// `usual_runs`, the next usual one.
 std::optional<NextRun> next_run(const Study& study, std::size_t steps,
                                 const diagnosis::Diagnosis& result, const QuestionOptions& options);
 

@@ -113,6 +113,7 @@ ordered_json step_json(const Step& step) {
                       {"answered", step.answered}};
   if (!step.answered) return out;
   out["verdict"] = step.verdict;
+  out["partial"] = step.partial;
   out["chi2_per_sample"] = step.chi2;
   out["findings"] = step.findings;
   out["least_probability"] = step.least_probability;
@@ -134,6 +135,7 @@ Step step_from(const ordered_json& in) {
   out.answered = in.at("answered");
   if (!out.answered) return out;
   out.verdict = in.at("verdict");
+  out.partial = in.value("partial", false);
   out.chi2 = in.at("chi2_per_sample");
   out.findings = in.at("findings").get<std::vector<std::string>>();
   out.least_probability = in.at("least_probability");
@@ -155,12 +157,14 @@ ordered_json settings_json(const StudySettings& s) {
   return {{"budget_s", s.budget_s},     {"certain", s.certain},
           {"least_gain", s.least_gain}, {"evaluations", s.evaluations},
           {"shortest_s", s.shortest_s}, {"longest_s", s.longest_s},
-          {"overhead_s", s.overhead_s}, {"seed", s.seed}};
+          {"overhead_s", s.overhead_s}, {"seed", s.seed},
+          {"usual_runs", s.usual_runs}};
 }
 
 StudySettings settings_from(const ordered_json& in) {
-  return {in.at("budget_s"),   in.at("certain"),   in.at("least_gain"), in.at("evaluations"),
-          in.at("shortest_s"), in.at("longest_s"), in.at("overhead_s"), in.at("seed")};
+  return {in.at("budget_s"),    in.at("certain"),    in.at("least_gain"),
+          in.at("evaluations"), in.at("shortest_s"), in.at("longest_s"),
+          in.at("overhead_s"),  in.at("seed"),       in.value("usual_runs", false)};
 }
 
 }  // namespace

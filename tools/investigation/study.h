@@ -50,6 +50,7 @@ struct Step {
   std::string recording_sha256;
   bool answered = false;
   std::string verdict;
+  bool partial = false;            ///< the findings leave more than the noise
   double chi2 = 0.0;               ///< held-out, per sample, of the result
   double least_probability = 0.0;  ///< of the findings
   std::vector<std::string> findings;
@@ -65,6 +66,9 @@ struct StudySettings {
   double longest_s = 20.0;
   double overhead_s = 3.0;  ///< rig time of a run beside its drive
   std::uint64_t seed = 1;
+  /// The usual runs one after the other, whatever they are expected to resolve: what designed runs
+  /// are compared with.
+  bool usual_runs = false;
 };
 
 enum class Ending {

@@ -187,6 +187,44 @@ TEST(Summary, HasATableByNuisance) {
   EXPECT_TRUE(summary_json(ideal)["by_nuisance"].empty());
 }
 
+TEST(Grading, AStudyIsOpenAfterARunThatNamesWronglyOrWithLessThan95Percent) {
+  const auto first = [](const char* id, double probability) {
+    Json found = finding(id, "force_balance", "k3_n_m3", 1000.0, 60.0);
+    found["probability"] = probability;
+    return report("missing_physics", {found});
+  };
+  Json study = {{"runs", 3}, {"rig_time_s", 41.0}, {"used_share", 0.8}};
+  for (const auto& [report, is_open] : {std::pair{first("cubic_stiffness", 0.95), false},
+                                        {first("cubic_stiffness", 0.94), true},
+                                        {first("end_stop", 1.0), true},
+                                        {Json(nullptr), true}}) {
+    study["first"] = report;
+    const StudyGrade g = study_grade(hidden({cubic()}), study);
+    EXPECT_EQ(g.open_after_first, is_open) << report.dump();
+    EXPECT_EQ(g.runs, 3);
+    EXPECT_EQ(g.rig_time_s, 41.0);
+  }
+}
+
+TEST(Summary, HasATableOfStudies) {
+  Grade named;
+  named.kind = "single";
+  named.first_right = named.exact = true;
+  named.study = StudyGrade{2, 30.0, 0.7, true};
+  Grade lost = named;
+  lost.first_right = lost.exact = false;
+  lost.study = StudyGrade{1, 17.0, 0.9, false};
+  const std::vector<Grade> grades{named, lost};
+  EXPECT_THAT(summary_text(grades), HasSubstr("open after one     1     1/1     1/1"));
+  const Json studies = summary_json(grades)["studies"];
+  ASSERT_EQ(studies.size(), 2U);
+  EXPECT_EQ(studies[0]["named_first"], 1);
+  EXPECT_EQ(studies[0]["median_rig_time_s"], 30.0);
+  EXPECT_EQ(studies[1]["studies"], 2);
+  EXPECT_EQ(studies[1]["largest_share_of_limits"], 0.9);
+  EXPECT_TRUE(summary_json(std::vector{Grade{}})["studies"].empty());
+}
+
 TEST(Summary, HasADetectionCurve) {
   std::vector<Grade> grades;
   for (const double snr : {0.6, 0.9, 5.0, 100.0}) {

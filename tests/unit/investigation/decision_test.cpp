@@ -65,6 +65,20 @@ TEST(Decision, EndsWhenEveryFindingIsCertain) {
               HasSubstr("friction_memory, with a probability of more than 99.9 %"));
 }
 
+TEST(Decision, GoesOnWhereFindingsLeaveMoreThanTheNoise) {
+  Step last = step("missing_physics", {"bias_force"}, 1.0, {{"bias_force", "bias_force", "", 1.0}});
+  last.partial = true;
+  EXPECT_EQ(decide_after(study_of({last}), run_with(0.0)).ending, Ending::open);
+  EXPECT_EQ(decide_after(study_of({last, last, last}), run_with(0.0)).ending, Ending::no_gain);
+}
+
+TEST(Decision, TheUsualRunsAreMadeUntilThePhysicsIsNamed) {
+  Study study = study_of({open_step(), open_step(), open_step(), open_step()});
+  study.settings.usual_runs = true;
+  EXPECT_EQ(decide_after(study, run_with(0.0)).ending, Ending::open);
+  EXPECT_EQ(decide_after(study, std::nullopt).ending, Ending::no_gain);
+}
+
 TEST(Decision, NothingIsMissingOnlyAfterTwoRuns) {
   const Step calm = step("consistent", {}, 1.0, {{"nothing", "nothing is missing", "", 1.0}});
   EXPECT_EQ(decide_after(study_of({calm}), run_with(0.0)).ending, Ending::open);

@@ -129,5 +129,22 @@ TEST(Questions, WithOneHypothesisTheNextRunIsOfAnotherKind) {
   EXPECT_NE(run->question.plan.family, first->question.plan.family);
 }
 
+TEST(Questions, UsualRunsFollowInTheirOrder) {
+  Study asked = study();
+  asked.settings.usual_runs = true;
+  diagnosis::Diagnosis result;
+  result.open_hypotheses = {{"nothing", "nothing is missing", "", 0.6, {believed()}},
+                            {"quadratic_drag", "quadratic_drag", "", 0.4, {possible_truths()[2]}}};
+  const std::span<const design::RunPlan> usual = design::usual_runs();
+  asked.steps.emplace_back().question.plan = usual[0];
+  for (std::size_t i = 1; i < 3; ++i) {
+    const auto run = next_run(asked, i, result, {});
+    ASSERT_TRUE(run);
+    EXPECT_EQ(run->question.plan.family, usual[i].family);
+    EXPECT_EQ(run->question.plan.shape, usual[i].shape);
+    asked.steps.emplace_back().question = run->question;
+  }
+}
+
 }  // namespace
 }  // namespace stickslip::investigation
