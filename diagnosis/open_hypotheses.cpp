@@ -37,6 +37,14 @@ Eigen::MatrixXd limited_covariance(const FittedCandidate& each, Eigen::Index siz
   return scale.asDiagonal() * covariance * scale.asDiagonal();
 }
 
+// The fit with its covariance: candidates that do not win have none.
+FittedCandidate with_posterior(const SearchData& data, FittedCandidate each) {
+  const auto size = static_cast<Eigen::Index>(each.hypothesis->unknowns().size());
+  if (each.fitted.covariance.rows() == size) return each;
+  each.fitted = fit(data.train, *each.hypothesis, each.fitted.z, each.fitted.state, {});
+  return each;
+}
+
 // Steps by one standard deviation along the principal axes of the posterior, the widest first.
 std::vector<physics::Model> models_of(const FittedCandidate& each, std::size_t axes) {
   const Hypothesis& hypothesis = *each.hypothesis;
@@ -118,7 +126,7 @@ std::vector<OpenHypothesis> open_hypotheses_of(const Search& search, std::size_t
   std::vector<OpenHypothesis> out;
   for (const std::size_t k : order) {
     out.push_back(hypothesis_of(open.candidates[k], open.probability[k] / sum));
-    out.back().models = models_of(open.candidates[k], axes);
+    out.back().models = models_of(with_posterior(search.data(), open.candidates[k]), axes);
   }
   return out;
 }

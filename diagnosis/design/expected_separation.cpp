@@ -4,7 +4,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <span>
 
 #include "diagnosis/design/expected_motion.h"
 #include "diagnosis/experiment.h"
@@ -18,8 +21,6 @@ using diagnosis::OpenHypothesis;
 using diagnosis::predicted_channels;
 
 constexpr std::size_t samples_apart = 4;  // readings of a design are 8 ms apart
-// Of the states of a window, over the size of the motion: a fit finds them anew in each.
-constexpr double state_sigma = 0.05;
 
 // A stretch of the true motion that is predicted.
 struct Window {
@@ -72,26 +73,63 @@ Sizes sizes_of(const Motion& motion) {
   return out;
 }
 
-// Changes of the prediction by one standard deviation of what is marginalised, in columns.
-Eigen::MatrixXd sensitivities(const OpenHypothesis& other, const Drive& drive,
-                              const physics::RigTruth& start, const Sizes& sizes, std::size_t begin,
-                              std::span<const Frame> predicted,
-                              const SeparationSettings& settings) {
-  std::vector<Eigen::VectorXd> columns;
-  const auto add = [&](const physics::Model& model, const physics::RigTruth& from) {
-    const auto changed = readings_from(model, drive, from, begin, predicted.size(), samples_apart);
-    columns.push_back(difference(changed, predicted, settings));
-  };
-  for (std::size_t i = 1; i < other.models.size(); ++i) add(other.models[i], start);
-  physics::RigTruth moved = start;
-  moved.displacement_m += state_sigma * sizes.displacement;
-  add(other.models.front(), moved);
-  moved = start;
-  moved.velocity_m_s += state_sigma * sizes.velocity;
-  add(other.models.front(), moved);
-  Eigen::MatrixXd out(columns.front().size(), static_cast<Eigen::Index>(columns.size()));
-  for (std::size_t i = 0; i < columns.size(); ++i)
-    out.col(static_cast<Eigen::Index>(i)) = columns[i];
+// Displacement and velocity of a window's state: prior standard deviations, or shifts in units of
+// them.
+using OfState = std::array<double, 2>;
+
+// As in the windows of a diagnosis: a fit finds the states anew in each.
+OfState state_sigmas(const Sizes& sizes, const SeparationSettings& settings) {
+  return {0.05 * sizes.displacement + 5.0 * settings.noise_std[index_of(Channel::displacement)],
+          0.1 * sizes.velocity};
+}
+
+physics::RigTruth moved(physics::RigTruth state, const OfState& by, const OfState& sigmas) {
+  state.displacement_m += by[0] * sigmas[0];
+  state.velocity_m_s += by[1] * sigmas[1];
+  return state;
+}
+
+// Predictions of a stretch of a run by a hypothesis.
+struct Predictor {
+  const OpenHypothesis& of;
+  const Drive& drive;
+  std::size_t begin = 0;
+  std::size_t count = 0;
+  const SeparationSettings& settings;
+
+  std::vector<Frame> readings(const physics::Model& model, const physics::RigTruth& start) const {
+    return readings_from(model, drive, start, begin, count, samples_apart);
+  }
+  std::vector<Frame> readings(const physics::RigTruth& start) const {
+    return readings(of.models.front(), start);
+  }
+};
+
+// Changes of the prediction by one standard deviation of each parameter axis, in columns.
+Eigen::MatrixXd by_parameters(const Predictor& predictor, const physics::RigTruth& start,
+                              std::span<const Frame> predicted) {
+  const std::vector<physics::Model>& models = predictor.of.models;
+  Eigen::MatrixXd out(static_cast<Eigen::Index>(predicted.size() * predicted_channels),
+                      static_cast<Eigen::Index>(models.size() - 1));
+  for (std::size_t i = 1; i < models.size(); ++i) {
+    out.col(static_cast<Eigen::Index>(i - 1)) =
+        difference(predictor.readings(models[i], start), predicted, predictor.settings);
+  }
+  return out;
+}
+
+// The same of the state, from a step that is small against the speeds at which friction reverses.
+Eigen::MatrixXd by_state(const Predictor& predictor, const physics::RigTruth& start,
+                         const OfState& sigmas, std::span<const Frame> predicted) {
+  constexpr double step = 0.01;
+  Eigen::MatrixXd out(static_cast<Eigen::Index>(predicted.size() * predicted_channels), 2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    OfState by{};
+    by[i] = step;
+    out.col(static_cast<Eigen::Index>(i)) =
+        difference(predictor.readings(moved(start, by, sigmas)), predicted, predictor.settings) /
+        step;
+  }
   return out;
 }
 
@@ -118,22 +156,76 @@ Drive drive_by_readings(const Drive& drive, const physics::Model& other, const M
   return out;
 }
 
-// Half of r' (I + S S')^-1 r, for readings that are `denser` times as many.
-double log_density_lost(const Eigen::VectorXd& r, const Eigen::MatrixXd& s, double denser) {
-  const Eigen::VectorXd projected = denser * (s.transpose() * r);
+// The part of a difference of readings that parameters and state absorb, to first order.
+struct Absorbed {
+  double lost = 0.0;  ///< of the log density: half of what is left, with the cost of the priors
+  OfState state{};    ///< by which the state moves
+};
+
+// Readings are `denser` times as many; the state is already `from` away from the true one.
+Absorbed absorbed(const Eigen::VectorXd& r, const Eigen::MatrixXd& s, double denser,
+                  const OfState& from) {
+  const Eigen::Index n = s.cols();
+  Eigen::VectorXd prior = Eigen::VectorXd::Zero(n);
+  prior(n - 2) = from[0];
+  prior(n - 1) = from[1];
   const Eigen::MatrixXd information =
-      denser * (s.transpose() * s) + Eigen::MatrixXd::Identity(s.cols(), s.cols());
-  const double absorbed = projected.dot(information.ldlt().solve(projected));
-  return std::max(0.0, 0.5 * (denser * r.squaredNorm() - absorbed));
+      denser * (s.transpose() * s) + Eigen::MatrixXd::Identity(n, n);
+  const Eigen::VectorXd by = information.ldlt().solve(denser * (s.transpose() * r) - prior);
+  const double lost = 0.5 * (denser * (r - s * by).squaredNorm() + (by + prior).squaredNorm());
+  return {lost, {by(n - 2), by(n - 1)}};
 }
 
-// Both predictions begin at the true state with sensors at rest there, so that the response of
-// their filters to that beginning is the same.
+// Log density that the other hypothesis loses in a window, where parameters and state are free:
+// friction reverses where the state says so, and a state is found as a fit does, step by step.
+double log_density_lost(std::span<const Frame> readings, const Predictor& other,
+                        const physics::RigTruth& start, const OfState& sigmas, double denser) {
+  constexpr int most_steps = 5;
+  constexpr double enough = 0.5;  // [nat]
+  Eigen::MatrixXd s;
+  OfState by{};
+  double least = std::numeric_limits<double>::infinity();
+  for (int step = 0; step < most_steps; ++step) {
+    const physics::RigTruth from = moved(start, by, sigmas);
+    const std::vector<Frame> predicted = other.readings(from);
+    if (step == 0) {
+      const Eigen::MatrixXd parameters = by_parameters(other, from, predicted);
+      s.resize(parameters.rows(), parameters.cols() + 2);
+      s.leftCols(parameters.cols()) = parameters;
+    }
+    s.rightCols(2) = by_state(other, from, sigmas, predicted);
+    const Absorbed now = absorbed(difference(readings, predicted, other.settings), s, denser, by);
+    const bool is_better = now.lost < 0.9 * least;
+    least = std::min(least, now.lost);
+    if (!is_better || least < enough) break;
+    by[0] += now.state[0];
+    by[1] += now.state[1];
+  }
+  return least;
+}
+
+// The state that the other hypothesis reads out of the first readings of a window: a wrong zero of
+// the displacement is no force on the mass.
+physics::RigTruth state_by_readings(physics::RigTruth start, std::span<const Frame> readings,
+                                    const Predictor& other) {
+  const Frame& truth = readings.front();
+  const Frame predicted = other.readings(start).front();
+  const auto excess = [&](Channel channel) {
+    const bool is_read = truth.has(channel) && predicted.has(channel);
+    return is_read ? truth[channel] - predicted[channel] : 0.0;
+  };
+  start.displacement_m += excess(Channel::displacement);
+  start.velocity_m_s += excess(Channel::velocity);
+  return start;
+}
+
+// Both predictions begin with sensors at rest, so that the response of their filters to that
+// beginning is nearly the same.
 PairSeparation separation(const OpenHypothesis& truth, const OpenHypothesis& other,
                           const Motion& motion, const Drive& drive, const Drive& read,
                           const SeparationSettings& settings) {
   const double denser = settings.rate_hz * motion.period_s;
-  const Sizes sizes = sizes_of(motion);
+  const OfState sigmas = state_sigmas(sizes_of(motion), settings);
   const std::vector<Window> windows = windows_of(motion, settings);
   PairSeparation out;
   if (windows.empty() || !motion.finite) return out;
@@ -142,13 +234,11 @@ PairSeparation separation(const OpenHypothesis& truth, const OpenHypothesis& oth
   for (const Window& window : windows) {
     const physics::RigTruth& start = motion.state[window.reading];
     const std::size_t begin = window.reading * samples_apart;
-    const auto readings =
-        readings_from(truth.models.front(), drive, start, begin, window.count, samples_apart);
-    const auto predicted =
-        readings_from(other.models.front(), read, start, begin, window.count, samples_apart);
-    const Eigen::VectorXd r = difference(readings, predicted, settings);
-    const Eigen::MatrixXd s = sensitivities(other, read, start, sizes, begin, predicted, settings);
-    const double lost = log_density_lost(r, s, denser);
+    const Predictor of_truth{truth, drive, begin, window.count, settings};
+    const Predictor of_other{other, read, begin, window.count, settings};
+    const std::vector<Frame> readings = of_truth.readings(start);
+    const double lost = log_density_lost(
+        readings, of_other, state_by_readings(start, readings, of_other), sigmas, denser);
     sum += lost;
     squares += lost * lost;
   }

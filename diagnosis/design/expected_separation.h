@@ -34,8 +34,8 @@ struct SeparationSettings {
 };
 
 /// Of every ordered pair of hypotheses of which the first is the fitted model of one of them. In
-/// each window the wrong hypothesis starts from the true state; its parameters, along the axes
-/// of its posterior, and its state are marginalised by a linear Gaussian approximation.
+/// each window the wrong hypothesis starts from the state that it reads there, which is then fitted
+/// with its parameters along the axes of its posterior, at what their priors cost.
 std::vector<PairSeparation> separations(const std::vector<diagnosis::OpenHypothesis>& hypotheses,
                                         const Drive& drive, const SeparationSettings& settings);
 
@@ -44,9 +44,9 @@ std::vector<PairSeparation> separations(const std::vector<diagnosis::OpenHypothe
 double expected_gain(const std::vector<diagnosis::OpenHypothesis>& hypotheses,
                      const std::vector<PairSeparation>& separations);
 
-/// Separation of which the half of a hypothesis counts as excluded [nat]. Far above the 4.6 nat
-/// that stand for 99 %: no model of a real machine is exact, and fits follow more than this
-/// approximation lets them.
-inline constexpr double enough_nats = 60.0;
+/// Separation of which the half of a hypothesis counts as excluded [nat]. Above the 4.6 nat that
+/// stand for 99 %: no model of a real machine is exact, and a fit to all windows follows more than
+/// these do one by one.
+inline constexpr double enough_nats = 20.0;
 
 }  // namespace stickslip::design

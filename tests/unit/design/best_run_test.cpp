@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "diagnosis/shooting.h"
 #include "physics/simulator.h"
@@ -138,6 +140,36 @@ TEST(BestRun, ExpectsNothingBetweenAForceAndAWrongZeroOfTheDrive) {
   const auto run = evaluated(asked, usual_runs().front());
   ASSERT_TRUE(run.has_value());
   EXPECT_LT(run->gain, 0.05);
+}
+
+// Also where the motion is small against the error of the zero, and friction reverses early.
+TEST(BestRun, ExpectsLittleBetweenAForceAndAWrongZeroOfTheDisplacement) {
+  const double omega = 2.0 * std::numbers::pi * 2.5;
+  const double force_n = 0.02;
+  DesignRequest asked = request();
+  for (OpenHypothesis& each : asked.hypotheses) each.models.resize(1);
+  physics::Model forced = with("bias_force", "force_n", force_n);
+  physics::Model shifted =
+      with("sensor_offset", "offset", force_n / (forced.oscillator.mass_kg.value * omega * omega));
+  shifted.terms.front().channel = Channel::displacement;
+  for (physics::Model* model : {&forced, &shifted}) {
+    model->oscillator.excitation = physics::Excitation::force;
+    model->friction.mu = {0.005, 0.0};
+  }
+  asked.hypotheses[0].models = {forced};
+  asked.hypotheses[1].models = {shifted};
+  asked.range.limits = {0.5, 20.0, std::numeric_limits<double>::infinity()};
+  asked.separation.noise_std.fill(0.0);
+  asked.separation.noise_std[index_of(Channel::displacement)] = 1.0e-5;
+  for (const double amplitude : {1.0, 0.3, 0.05}) {
+    RunPlan run = usual_runs().front();
+    run.amplitude = amplitude;
+    const auto found = evaluated(asked, run);
+    ASSERT_TRUE(found.has_value());
+    for (const PairSeparation& pair : found->separations) {
+      EXPECT_LT(pair.expected, 4.6) << "at " << amplitude << " of the largest drive";
+    }
+  }
 }
 
 TEST(BestRun, EndsWhenItIsAskedTo) {

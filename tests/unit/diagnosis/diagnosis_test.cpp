@@ -343,6 +343,19 @@ TEST(Diagnosis, ClaimsAContradictedNumberBesideAnEffect) {
       << report_text(got);
 }
 
+// The next run is designed with the uncertainty of all of them, not of the winner alone.
+TEST(Diagnosis, EveryOpenHypothesisHasItsPosterior) {
+  const auto truth = with_term(driven_mass(), "bias_force", {{"force_n", {0.02}}});
+  Options options;
+  options.threads = 2;
+  options.posterior_axes = 8;
+  const Diagnosis got = diagnose({record(truth, 24.0)}, driven_mass(), options);
+  EXPECT_GT(got.open_hypotheses.size(), 1U) << report_text(got);
+  for (const OpenHypothesis& each : got.open_hypotheses) {
+    EXPECT_EQ(each.models.size(), 4U) << each.name << ": stiffness, damping, its own size";
+  }
+}
+
 // A drawn shape over the velocity takes both at once.
 TEST(Diagnosis, NamesTwoEffectsThatOneShapeContains) {
   const auto truth =
