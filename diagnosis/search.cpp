@@ -407,19 +407,42 @@ std::vector<CandidateEffect> Search::contradicted_instruments() const {
   return out;
 }
 
-// Where only instruments beyond what the model allows are left, each is a finding: its own effect,
-// the same of another channel, since gains and delays are relative, or a rival that it stands for,
-// such as a constant force for a zero that is off.
+// The present model with what the effect frees of an instrument at its declared value; nothing
+// where none of it is calibrated.
+std::optional<FittedCandidate> Search::with_held(const CandidateEffect& effect) const {
+  const Hypothesis& hypothesis = *current_.hypothesis;
+  std::vector<std::size_t> own;
+  for (const Unknown& unknown : hypothesis.unknowns()) {
+    if (!unknown.of_model) continue;
+    const auto instrument =
+        physics::instrument_parameter(hypothesis.rig().parameter_paths()[unknown.parameter]);
+    if (instrument && effect.frees(*instrument)) own.push_back(unknown.parameter);
+  }
+  if (own.empty()) return std::nullopt;
+  FittedCandidate held = current_;
+  held.hypothesis = hypothesis.holding(own);
+  held.fitted.z = carried_over(hypothesis, current_.fitted.z, *held.hypothesis);
+  fit_and_score(data_, current_, {&held, 1});
+  return with_instruments_held(held).value_or(held);
+}
+
+// Where only instruments beyond what the model allows are left, each is a finding.
 bool Search::add_contradicted_instrument() {
   const std::vector<CandidateEffect> own = contradicted_instruments();
-  if (own.empty()) return false;
+  return !own.empty() && add_instrument(own, *with_instruments_held(current_));
+}
+
+// An instrument that is off, with what it has absorbed held: its own effect, the same of another
+// channel, since gains and delays are relative, or a rival that it stands for, such as a constant
+// force for a zero that is off.
+bool Search::add_instrument(const std::vector<CandidateEffect>& own, FittedCandidate held) {
   const CandidateFilter wanted = [&own](const CandidateEffect& each) {
     return std::any_of(own.begin(), own.end(), [&each](const CandidateEffect& one) {
       return each.effect == one.effect || are_rivals(each, one);
     });
   };
   const FittedCandidate before = current_;
-  set_current(*with_instruments_held(current_));
+  set_current(std::move(held));
   features_ = features_of(current_);
   std::vector<FittedCandidate> candidates = finalists_beside(current_, features_, wanted);
   if (!candidates.empty()) {
@@ -457,6 +480,8 @@ bool Search::add_effect_beside_current() {
   }
   if (tier_of(best.candidate) != Tier::listed && add_listed_pair(candidates)) return true;
   const FittedCandidate winner = best;
+  auto held = with_held(winner.candidate);
+  if (held && add_instrument({winner.candidate}, *std::move(held))) return true;
   claim(winner, std::move(candidates));
   return true;
 }

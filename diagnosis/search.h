@@ -136,7 +136,9 @@ class Search {
   bool add_listed_pair(const std::vector<FittedCandidate>& candidates);
   bool add_with_second(std::vector<FittedCandidate> firsts);
   std::vector<CandidateEffect> contradicted_instruments() const;
+  std::optional<FittedCandidate> with_held(const CandidateEffect& effect) const;
   bool add_contradicted_instrument();
+  bool add_instrument(const std::vector<CandidateEffect>& own, FittedCandidate held);
   bool contradicts_rig(const FittedCandidate& each) const;
   bool is_complete();
   bool listed_effect_remains();
