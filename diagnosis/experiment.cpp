@@ -656,7 +656,9 @@ void assign_uses(std::vector<Window>& windows) {
     const std::size_t blocks = i / block;  // before this one
     const double turn = static_cast<double>(blocks) / std::numbers::phi;
     const double place = turn - std::floor(turn);
-    windows[i].use = place < 2.0 / 3.0 ? Use::fit : place < 11.0 / 12.0 ? Use::select : Use::report;
+    const bool is_fitted = place < fit_share;
+    const bool is_for_selection = place < fit_share + select_share;
+    windows[i].use = is_fitted ? Use::fit : is_for_selection ? Use::select : Use::report;
   }
 }
 

@@ -34,6 +34,10 @@ enum class Use : std::uint8_t {
   report,  ///< not looked at before the result stands
 };
 
+/// Shares of all windows, the rest for the report.
+inline constexpr double fit_share = 2.0 / 3.0;
+inline constexpr double select_share = 0.25;
+
 /// Consecutive samples: the model starts at `warm` with a free state, its sensor filters settle
 /// until `begin`, and it is compared with the recording from `begin` to before `end`.
 struct Window {

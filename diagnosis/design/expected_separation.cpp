@@ -243,11 +243,11 @@ PairSeparation separation(const OpenHypothesis& truth, const OpenHypothesis& oth
     squares += lost * lost;
   }
   const auto n = static_cast<double>(windows.size());
-  const double in_all =
-      static_cast<double>(motion.readings.size()) / static_cast<double>(windows.front().count);
+  const double compared = diagnosis::select_share * static_cast<double>(motion.readings.size()) /
+                          static_cast<double>(windows.front().count);
   const double mean = sum / n;
-  out.expected = in_all * mean;
-  out.error = in_all * std::sqrt(std::max(0.0, squares / n - mean * mean) / n);
+  out.expected = compared * mean;
+  out.error = compared * std::sqrt(std::max(0.0, squares / n - mean * mean) / n);
   return out;
 }
 

@@ -17,8 +17,10 @@ namespace stickslip::design {
 struct PairSeparation {
   std::size_t truth = 0;
   std::size_t other = 0;
-  double expected = 0.0;  ///< difference of the expected log predictive densities [nat]
-  double error = 0.0;     ///< its standard error over the windows of the run [nat]
+  /// Difference of the expected log predictive densities on the windows that a diagnosis compares
+  /// hypotheses on [nat].
+  double expected = 0.0;
+  double error = 0.0;  ///< its standard error over the windows of the run [nat]
 
   /// Less one standard error, not below 0.
   double safe() const { return expected > error ? expected - error : 0.0; }
@@ -44,9 +46,8 @@ std::vector<PairSeparation> separations(const std::vector<diagnosis::OpenHypothe
 double expected_gain(const std::vector<diagnosis::OpenHypothesis>& hypotheses,
                      const std::vector<PairSeparation>& separations);
 
-/// Separation of which the half of a hypothesis counts as excluded [nat]. Above the 4.6 nat that
-/// stand for 99 %: no model of a real machine is exact, and a fit to all windows follows more than
-/// these do one by one.
-inline constexpr double enough_nats = 20.0;
+/// Separation of which the half of a hypothesis counts as excluded [nat]. A little above the 4.6
+/// nat that stand for 99 %: a fit to all windows follows more than these do one by one.
+inline constexpr double enough_nats = 5.0;
 
 }  // namespace stickslip::design
