@@ -156,52 +156,79 @@ Drive drive_by_readings(const Drive& drive, const physics::Model& other, const M
   return out;
 }
 
-// The part of a difference of readings that parameters and state absorb, to first order.
-struct Absorbed {
-  double lost = 0.0;  ///< of the log density: half of what is left, with the cost of the priors
-  OfState state{};    ///< by which the state moves
+// A window to first order: 0.5 (denser |r - P p - S s|^2 + |s + from|^2) is what the log density
+// loses where the parameters are `p` standard deviations off and the state moves by `s`.
+struct Linearised {
+  Eigen::VectorXd r;
+  Eigen::MatrixXd parameters;  // P
+  Eigen::MatrixXd state;       // S
+  Eigen::Vector2d from = Eigen::Vector2d::Zero();
+  double denser = 1.0;  // readings of the rig for each of r
+
+  // Shift of the state that loses least, for parameters p.
+  Eigen::Vector2d best_state(const Eigen::VectorXd& p) const {
+    return information().ldlt().solve(denser * (state.transpose() * (r - parameters * p)) - from);
+  }
+  // Loss with that state.
+  double lost(const Eigen::VectorXd& p) const {
+    const Eigen::Vector2d s = best_state(p);
+    return 0.5 *
+           (denser * (r - parameters * p - state * s).squaredNorm() + (s + from).squaredNorm());
+  }
+  // Gradient and curvature of the loss by p, at p = 0.
+  Eigen::VectorXd gradient() const {
+    const Eigen::Vector2d s = best_state(Eigen::VectorXd::Zero(parameters.cols()));
+    return -denser * (parameters.transpose() * (r - state * s));
+  }
+  Eigen::MatrixXd curvature() const {
+    const Eigen::MatrixXd cross = denser * (state.transpose() * parameters);
+    return denser * (parameters.transpose() * parameters) -
+           cross.transpose() * information().ldlt().solve(cross);
+  }
+
+ private:
+  Eigen::Matrix2d information() const {
+    return denser * (state.transpose() * state) + Eigen::Matrix2d::Identity();
+  }
 };
 
-// Readings are `denser` times as many; the state is already `from` away from the true one.
-Absorbed absorbed(const Eigen::VectorXd& r, const Eigen::MatrixXd& s, double denser,
-                  const OfState& from) {
-  const Eigen::Index n = s.cols();
-  Eigen::VectorXd prior = Eigen::VectorXd::Zero(n);
-  prior(n - 2) = from[0];
-  prior(n - 1) = from[1];
-  const Eigen::MatrixXd information =
-      denser * (s.transpose() * s) + Eigen::MatrixXd::Identity(n, n);
-  const Eigen::VectorXd by = information.ldlt().solve(denser * (s.transpose() * r) - prior);
-  const double lost = 0.5 * (denser * (r - s * by).squaredNorm() + (by + prior).squaredNorm());
-  return {lost, {by(n - 2), by(n - 1)}};
+// The parameters with which `weight` times all windows together, and their prior, lose least.
+Eigen::VectorXd best_parameters(const std::vector<Linearised>& windows, double weight) {
+  const Eigen::Index n = windows.front().parameters.cols();
+  Eigen::MatrixXd curvature = Eigen::MatrixXd::Identity(n, n);
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);
+  for (const Linearised& each : windows) {
+    curvature += weight * each.curvature();
+    gradient += weight * each.gradient();
+  }
+  return -curvature.ldlt().solve(gradient);
 }
 
-// Log density that the other hypothesis loses in a window, where parameters and state are free:
-// friction reverses where the state says so, and a state is found as a fit does, step by step.
-double log_density_lost(std::span<const Frame> readings, const Predictor& other,
-                        const physics::RigTruth& start, const OfState& sigmas, double denser) {
+// A window about the state that the other hypothesis would find there, with its parameters free:
+// friction reverses where the state says so, and it is found as a fit does, step by step.
+Linearised linearised(std::span<const Frame> readings, const Predictor& other,
+                      const physics::RigTruth& start, const OfState& sigmas, double denser) {
   constexpr int most_steps = 5;
   constexpr double enough = 0.5;  // [nat]
-  Eigen::MatrixXd s;
-  OfState by{};
+  Linearised best;
+  Linearised now;
+  now.denser = denser;
   double least = std::numeric_limits<double>::infinity();
   for (int step = 0; step < most_steps; ++step) {
-    const physics::RigTruth from = moved(start, by, sigmas);
+    const physics::RigTruth from = moved(start, {now.from[0], now.from[1]}, sigmas);
     const std::vector<Frame> predicted = other.readings(from);
-    if (step == 0) {
-      const Eigen::MatrixXd parameters = by_parameters(other, from, predicted);
-      s.resize(parameters.rows(), parameters.cols() + 2);
-      s.leftCols(parameters.cols()) = parameters;
-    }
-    s.rightCols(2) = by_state(other, from, sigmas, predicted);
-    const Absorbed now = absorbed(difference(readings, predicted, other.settings), s, denser, by);
-    const bool is_better = now.lost < 0.9 * least;
-    least = std::min(least, now.lost);
+    if (step == 0) now.parameters = by_parameters(other, from, predicted);
+    now.state = by_state(other, from, sigmas, predicted);
+    now.r = difference(readings, predicted, other.settings);
+    const Eigen::VectorXd p = best_parameters({now}, 1.0);
+    const double lost = now.lost(p) + 0.5 * p.squaredNorm();
+    const bool is_better = lost < 0.9 * least;
+    if (lost < least) best = now;
+    least = std::min(least, lost);
     if (!is_better || least < enough) break;
-    by[0] += now.state[0];
-    by[1] += now.state[1];
+    now.from += now.best_state(p);
   }
-  return least;
+  return best;
 }
 
 // The state that the other hypothesis reads out of the first readings of a window: a wrong zero of
@@ -229,22 +256,28 @@ PairSeparation separation(const OpenHypothesis& truth, const OpenHypothesis& oth
   const std::vector<Window> windows = windows_of(motion, settings);
   PairSeparation out;
   if (windows.empty() || !motion.finite) return out;
-  double sum = 0.0;
-  double squares = 0.0;
+  std::vector<Linearised> linear;
   for (const Window& window : windows) {
     const physics::RigTruth& start = motion.state[window.reading];
     const std::size_t begin = window.reading * samples_apart;
     const Predictor of_truth{truth, drive, begin, window.count, settings};
     const Predictor of_other{other, read, begin, window.count, settings};
     const std::vector<Frame> readings = of_truth.readings(start);
-    const double lost = log_density_lost(
-        readings, of_other, state_by_readings(start, readings, of_other), sigmas, denser);
+    linear.push_back(linearised(readings, of_other, state_by_readings(start, readings, of_other),
+                                sigmas, denser));
+  }
+  const auto n = static_cast<double>(windows.size());
+  const double in_all =
+      static_cast<double>(motion.readings.size()) / static_cast<double>(windows.front().count);
+  const Eigen::VectorXd p = best_parameters(linear, in_all / n);
+  double sum = 0.0;
+  double squares = 0.0;
+  for (const Linearised& each : linear) {
+    const double lost = each.lost(p);
     sum += lost;
     squares += lost * lost;
   }
-  const auto n = static_cast<double>(windows.size());
-  const double compared = diagnosis::select_share * static_cast<double>(motion.readings.size()) /
-                          static_cast<double>(windows.front().count);
+  const double compared = diagnosis::select_share * in_all;
   const double mean = sum / n;
   out.expected = compared * mean;
   out.error = compared * std::sqrt(std::max(0.0, squares / n - mean * mean) / n);
