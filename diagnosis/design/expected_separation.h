@@ -36,8 +36,9 @@ struct SeparationSettings {
 };
 
 /// Of every ordered pair of hypotheses of which the first is the fitted model of one of them. In
-/// each window the wrong hypothesis starts from the state that it reads there, which is then fitted
-/// with its parameters along the axes of its posterior, at what their priors cost.
+/// each window the wrong hypothesis starts from the state that it reads there, which is then
+/// fitted; its parameters move along the axes of their posterior, in all windows alike, to where
+/// they predict the run best.
 std::vector<PairSeparation> separations(const std::vector<diagnosis::OpenHypothesis>& hypotheses,
                                         const Drive& drive, const SeparationSettings& settings);
 
