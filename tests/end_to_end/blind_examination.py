@@ -100,6 +100,13 @@ class BlindExamination(EndToEnd):
         self.assertEqual(same, "")
         jobs = self.succeed("examine", folder, "--rig-time-s", 17, "--runs", "usual", "--job-list", "-")
         self.assertIn("--runs usual --rig-time-s 17", jobs.stdout)
+        # A folder that is no study is not replaced by one.
+        notes = self.folder / "mine" / "case-001" / "notes.txt"
+        notes.parent.mkdir(parents=True)
+        notes.write_text("")
+        shown = self.succeed("examine", folder, "--rig-time-s", 17, "--reports", self.folder / "mine").stdout
+        self.assertIn("is no study and not empty", " ".join(shown.split()))
+        self.assertTrue(notes.exists())
 
     def test_set_depends_on_the_seed(self):
         one = self.conceal("one", "--effect", "gain_error")

@@ -40,7 +40,9 @@ SealedStudy study_of_sealed_rig(const std::filesystem::path& rig_file,
                                 const std::filesystem::path& folder,
                                 const investigation::StudySettings& settings,
                                 const investigation::InvestigationOptions& options) {
-  std::filesystem::remove_all(folder);
+  if (std::filesystem::exists(investigation::json_file(folder))) {
+    std::filesystem::remove_all(folder);
+  }
   SimulatedRig rig(config::load_rig(rig_file));
   const investigation::Dialogue unattended{
       .show = [](const std::string&) {}, .confirm = [] { return true; }, .progress = {}};

@@ -16,7 +16,8 @@ struct SealedStudy {
 };
 
 /// Makes every run that the study asks for on the rig of `rig_file`, in simulated time, until it
-/// ends. What `folder` held before is replaced.
+/// ends. A study that `folder` held before is replaced; throws InputError where it holds anything
+/// else.
 SealedStudy study_of_sealed_rig(const std::filesystem::path& rig_file,
                                 const std::filesystem::path& model_file,
                                 const std::filesystem::path& folder,
