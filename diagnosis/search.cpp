@@ -127,6 +127,16 @@ ResidualFeatures Search::features_of(const FittedCandidate& each) const {
   return residual_features(whole, *each.hypothesis, fitted);
 }
 
+// The fit with these declared numbers exact.
+FittedCandidate Search::holding(const FittedCandidate& each,
+                                std::span<const std::size_t> parameters) const {
+  FittedCandidate held = each;
+  held.hypothesis = each.hypothesis->holding(parameters);
+  held.fitted.z = carried_over(*each.hypothesis, each.fitted.z, *held.hypothesis);
+  fit_and_score(data_, current_, {&held, 1});
+  return held;
+}
+
 // The fit with the instruments that it puts beyond what the model allows for held at their declared
 // values, where there are any: a zero that is off stands for no force, nor a late channel for a
 // mode. Effects are compared on the rest.
@@ -136,11 +146,7 @@ std::optional<FittedCandidate> Search::with_instruments_held(const FittedCandida
     const Hypothesis& hypothesis = *now->hypothesis;
     const std::vector<std::size_t> beyond = instruments_beyond(hypothesis, now->fitted.z);
     if (beyond.empty()) return held;
-    FittedCandidate next = *now;
-    next.hypothesis = hypothesis.holding(beyond);
-    next.fitted.z = carried_over(hypothesis, now->fitted.z, *next.hypothesis);
-    fit_and_score(data_, current_, {&next, 1});
-    held = std::move(next);
+    held = holding(*now, beyond);
   }
 }
 
@@ -419,10 +425,7 @@ std::optional<FittedCandidate> Search::with_held(const CandidateEffect& effect) 
     if (instrument && effect.frees(*instrument)) own.push_back(unknown.parameter);
   }
   if (own.empty()) return std::nullopt;
-  FittedCandidate held = current_;
-  held.hypothesis = hypothesis.holding(own);
-  held.fitted.z = carried_over(hypothesis, current_.fitted.z, *held.hypothesis);
-  fit_and_score(data_, current_, {&held, 1});
+  const FittedCandidate held = holding(current_, own);
   return with_instruments_held(held).value_or(held);
 }
 

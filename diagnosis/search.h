@@ -113,6 +113,8 @@ class Search {
     return hypothesis.instruments_beyond(z, data_.criteria.contradicted_sigmas);
   }
   ResidualFeatures features_of(const FittedCandidate& each) const;
+  FittedCandidate holding(const FittedCandidate& each,
+                          std::span<const std::size_t> parameters) const;
   std::optional<FittedCandidate> with_instruments_held(const FittedCandidate& each) const;
   void set_current(FittedCandidate next);
   void continue_from(const FittedCandidate& next);

@@ -234,7 +234,8 @@ Linearised linearised(std::span<const Frame> readings, const Predictor& other,
 // The state that the other hypothesis reads out of the first readings of a window: a wrong zero of
 // the displacement is no force on the mass.
 physics::RigTruth state_by_readings(physics::RigTruth start, std::span<const Frame> readings,
-                                    const Predictor& other) {
+                                    Predictor other) {
+  other.count = 1;
   const Frame& truth = readings.front();
   const Frame predicted = other.readings(start).front();
   const auto excess = [&](Channel channel) {

@@ -218,12 +218,10 @@ StudyGrade study_grade(const GroundTruth& truth, const Json& study) {
   out.used_share = study.at("used_share").get<double>();
   const Json& first = study.at("first");
   const bool is_right = grade(truth, first).first_right;
-  if (truth.effects.empty()) {
-    out.open_after_first = !is_right;
-    return out;
-  }
-  out.open_after_first =
-      !is_right || first.at("findings").front().at("probability").get<double>() < certain;
+  const auto probability = [&first] {
+    return first.at("findings").front().at("probability").get<double>();
+  };
+  out.open_after_first = !is_right || (!truth.effects.empty() && probability() < certain);
   return out;
 }
 

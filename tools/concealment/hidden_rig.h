@@ -3,6 +3,7 @@
 // that a simulated device integrates.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 
